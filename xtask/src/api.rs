@@ -1,6 +1,6 @@
-//! The public items of the library crates, as they are declared: `xtask/api` has a list of each, so that a change of them is seen.
+//! The public items of the library crates as declared: `xtask/api` lists them, so that changes are noticed.
 //!
-//! rustdoc says what is public and where it is declared; the declaration is taken from there. No other toolchain is needed.
+//! rustdoc's JSON says what is public and where it is declared; the declarations come from there. Needs no other toolchain.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -12,7 +12,7 @@ use crate::tools::{Outcome, command, figure, read, root, run};
 /// Packages that others build upon.
 const PACKAGES: [&str; 2] = ["mobgate", "ethercat-subdevice"];
 
-/// Compares the lists with what is public now, or writes them.
+/// Compares the lists with the current items, or writes them.
 pub(crate) fn check(write: bool) -> Outcome {
     let mut changed = Vec::new();
     for package in PACKAGES {
@@ -43,11 +43,11 @@ pub(crate) fn check(write: bool) -> Outcome {
 }
 
 fn list(package: &str) -> Outcome<Listed> {
-    // Another folder than that of builds: some crates look at the variable, and would be built anew.
+    // A separate target folder: some crates depend on the variable below, and would be rebuilt.
     let words =
         ["rustdoc", "--quiet", "--locked", "--lib", "--target-dir", "target/api", "--package", package];
     let mut cargo = command("cargo", &words);
-    // JSON is an unstable format, which a stable compiler has under lock.
+    // rustdoc's JSON format is unstable.
     run(cargo.args(["--", "-Zunstable-options", "--output-format", "json"]).env("RUSTC_BOOTSTRAP", "1"))?;
     let name = package.replace('-', "_");
     let text = read(format!("target/api/doc/{name}.json"))?;
@@ -57,11 +57,11 @@ fn list(package: &str) -> Outcome<Listed> {
     Ok(api.listed)
 }
 
-/// What of a crate is public and documented: what is hidden is for its own tests.
+/// The public, documented items of a crate; hidden ones are for its own tests.
 #[derive(Default)]
 struct Listed {
     lines: BTreeSet<String>,
-    /// Those with a page or a heading of their own: neither fields nor variants nor methods of traits.
+    /// Items with a page or heading of their own: no fields, variants or trait methods.
     items: usize,
 }
 
@@ -71,7 +71,7 @@ struct Api<'j> {
 }
 
 impl Api<'_> {
-    /// Notes an item that is seen from `path`, and what is seen through it.
+    /// Lists an item visible at `path`, and the items within it.
     fn item(&mut self, id: &Value, path: &str) {
         let item = &self.index[id.to_string()];
         let Some((kind, inner)) = item["inner"].as_object().and_then(|inner| inner.iter().next()) else {
@@ -97,14 +97,14 @@ impl Api<'_> {
         let fields =
             [&inner["kind"]["plain"]["fields"], &inner["kind"]["tuple"], &inner["kind"]["struct"]["fields"]];
         for part in parts.into_iter().chain(fields).filter_map(Value::as_array).flatten() {
-            // Implementations of traits are seen through the trait.
+            // Implementations of traits are visible through the trait.
             if self.index[part.to_string()]["inner"]["impl"]["trait"].is_null() {
                 self.item(part, inside);
             }
         }
     }
 
-    /// What is imported is seen here under its new name.
+    /// An imported item is visible here under its new name.
     fn import(&mut self, import: &Value, path: &str) {
         if import["is_glob"] == true {
             for id in self.index[import["id"].to_string()]["inner"]["module"]["items"]
@@ -118,7 +118,7 @@ impl Api<'_> {
         }
         let name = import["name"].as_str().unwrap_or_default();
         if self.index[import["id"].to_string()].is_null() {
-            // Of another crate.
+            // From another crate.
             let source = import["source"].as_str().unwrap_or_default();
             self.listed.lines.insert(format!("{path}::{name}: use {source}"));
         }
@@ -126,7 +126,7 @@ impl Api<'_> {
     }
 }
 
-/// An item's head in its file.
+/// An item's declaration in its file.
 fn declaration(span: &Value, kind: &str) -> String {
     let file = Path::new(span["filename"].as_str().unwrap_or_default());
     let number = |of: &Value, nth: usize| of[nth].as_u64().unwrap_or(1) as usize;
@@ -138,11 +138,11 @@ fn declaration(span: &Value, kind: &str) -> String {
     head(text.get(number(begin, 1).saturating_sub(1)..).unwrap_or(&text), kind)
 }
 
-/// Up to its body or its end, in one line.
+/// The text up to its body or end, in one line.
 fn head(text: &str, kind: &str) -> String {
     let (mut depth, mut before) = (0_i32, ' ');
     let end = text.find(|character| {
-        // A struct's fields have lines of their own where they are public; a field ends before the next.
+        // Public fields are listed on their own lines; a field ends at the comma.
         let stop = match kind {
             "struct" => '(',
             "struct_field" => ',',
@@ -158,7 +158,7 @@ fn head(text: &str, kind: &str) -> String {
             _ => {}
         }
         before = character;
-        // The value of a constant is no part of what callers write.
+        // The value of a constant is not part of its interface.
         depth < 0 || depth == 0 && matches!(character, '{' | ';' | '=')
     });
     let words = text[..end.unwrap_or(text.len())].split_whitespace().collect::<Vec<_>>();

@@ -1,6 +1,5 @@
-//! cargo for what runs on another processor, and the one place that knows where a toolchain for it is: rustup's, when
-//! `rustup target add` could fetch the target; else Debian's compiler, which brings the sources of the standard library,
-//! so that the library is built along.
+//! Runs cargo for other processors. Only this file knows where their toolchain is: rustup's, if the target has been added; else
+//! Debian's compiler, which ships the sources of the standard library, so that it is built along.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -11,20 +10,20 @@ use object::read::elf::{ElfFile32, ProgramHeader};
 
 use crate::tools::{self, Outcome, command, output, root};
 
-/// A Cortex-M4 or -M7 with a floating-point unit.
+/// A Cortex-M4 or Cortex-M7 with FPU.
 pub(crate) const TARGET: &str = "thumbv7em-none-eabihf";
 
-/// The folder of an image: `target/thumb/...`.
+/// Folder of the images: `target/thumb/...`.
 pub(crate) fn images() -> PathBuf {
     root().join("target/thumb").join(TARGET).join("release")
 }
 
-/// The program that a board's package builds.
+/// The image of a board.
 pub(crate) fn image(board: &str) -> PathBuf {
     images().join(format!("mobgate-{}", board.replace('_', "-")))
 }
 
-/// The boards with an STM32, which are alike: the folders `boards/nucleo_...`.
+/// The STM32 boards: the folders `boards/nucleo_...`.
 pub(crate) fn nucleos() -> Outcome<Vec<String>> {
     let folder = root().join("boards").read_dir().map_err(|error| format!("boards/: {error}"))?;
     let names = folder.flatten().filter_map(|entry| entry.file_name().into_string().ok());
@@ -33,12 +32,12 @@ pub(crate) fn nucleos() -> Outcome<Vec<String>> {
     Ok(nucleos)
 }
 
-/// Where the compiler with the standard library's sources is.
+/// Folder of the compiler that comes with the standard library's sources.
 fn debian() -> PathBuf {
     std::env::var_os("DEBIAN_RUST").map_or("/usr/bin".into(), PathBuf::from)
 }
 
-/// Whether this compiler has the library of the target built.
+/// Whether this compiler has a prebuilt core library for the target.
 fn has_core() -> bool {
     let library = sysroot(Path::new("rustc")).map(|root| root.join("lib/rustlib").join(TARGET).join("lib"));
     let files = library.and_then(|folder| folder.read_dir().ok());
@@ -47,14 +46,14 @@ fn has_core() -> bool {
     })
 }
 
-/// Whether Debian's compiler is here, with the sources of the standard library.
+/// Whether Debian's compiler is installed, with the standard library's sources.
 pub(crate) fn has_sources() -> bool {
     let sources = sysroot(&debian().join("rustc"))
         .map(|root| root.join("lib/rustlib/src/rust/library/core/Cargo.toml"));
     debian().join("cargo").exists() && sources.is_some_and(|file| file.exists())
 }
 
-/// Whether something here builds for a Cortex-M, and lints it.
+/// Whether a toolchain that builds and lints for a Cortex-M is installed.
 pub(crate) fn has_toolchain() -> bool {
     has_core()
         || has_sources() && debian().join("clippy-driver").exists() && tools::program("ld.lld").is_some()
@@ -65,7 +64,7 @@ fn sysroot(rustc: &Path) -> Option<PathBuf> {
     Some(String::from_utf8(printed.stdout).ok()?.trim().into())
 }
 
-/// Debian's cargo, with options that are unstable on any other.
+/// Debian's cargo, with unstable options enabled.
 fn debian_cargo(arguments: &[&str]) -> Command {
     let mut cargo = command(debian().join("cargo"), arguments);
     let path = std::env::var_os("PATH").unwrap_or_default();
@@ -75,7 +74,7 @@ fn debian_cargo(arguments: &[&str]) -> Command {
     cargo
 }
 
-/// Runs a command of cargo for a board, or for `core`, the gateway's core without one.
+/// Runs a cargo command for a board, or for `core`, the gateway's core without a board.
 pub(crate) fn run(board: &str, subcommand: &str, arguments: &[String]) -> Outcome {
     let core = board == "core";
     let folder = root().join("boards").join(board);
@@ -88,7 +87,7 @@ pub(crate) fn run(board: &str, subcommand: &str, arguments: &[String]) -> Outcom
         let mut cargo = debian_cargo(&[subcommand]);
         // Boards link crates that name `alloc` without using it; the core must do without.
         cargo.arg(if core { "-Zbuild-std=core" } else { "-Zbuild-std=core,alloc" });
-        // rustup's compiler has a linker of its own, Debian's has not.
+        // rustup's compiler ships a linker, Debian's does not.
         cargo.env("CARGO_TARGET_THUMBV7EM_NONE_EABIHF_LINKER", "ld.lld");
         (cargo, debian().join("rustc"))
     } else {
@@ -96,15 +95,15 @@ pub(crate) fn run(board: &str, subcommand: &str, arguments: &[String]) -> Outcom
             "no core library for {TARGET}: run 'rustup target add {TARGET}', or on Debian 'cargo xtask install thumb'"
         ));
     };
-    // Settings of a host build that do not hold here: cargo of rustup hands its own compiler on.
+    // Settings of the host build do not apply; rustup's cargo passes its own compiler on.
     cargo.env_remove("RUSTC").env_remove("CARGO").env_remove("RUSTFLAGS");
     if core {
         cargo.args(["--package", "mobgate", "--lib", "--no-default-features"]);
     } else {
-        // Each board's own .cargo/config.toml and regions.x are found from its folder.
+        // cargo finds .cargo/config.toml and the linker regions.x from the board's folder.
         cargo.current_dir(&folder);
     }
-    // A target folder of its own: another compiler's files would be rebuilt at every change between the two.
+    // A separate target folder: sharing one would rebuild everything when switching compilers.
     cargo
         .args(["--locked", "--release", "--target", TARGET, "--target-dir"])
         .arg(root().join("target/thumb"));
@@ -122,7 +121,7 @@ pub(crate) fn run(board: &str, subcommand: &str, arguments: &[String]) -> Outcom
     }
 }
 
-/// Writes beside an image what its flash holds, byte by byte from its first address on, for tools that take no ELF file.
+/// Writes the flash contents beside an image as a flat binary, for tools that do not read ELF.
 fn write_flat(image: &Path) -> Outcome<PathBuf> {
     let fault = |path: &Path, what: &dyn std::fmt::Display| format!("{}: {what}", path.display());
     let elf = std::fs::read(image).map_err(|error| fault(image, &error))?;
@@ -140,7 +139,7 @@ fn write_flat(image: &Path) -> Outcome<PathBuf> {
     let first = parts.first().map_or(0, |(address, _)| *address);
     let mut flat = Vec::new();
     for (address, bytes) in parts {
-        // What lies between two parts is as erased flash is.
+        // Gaps look like erased flash.
         flat.resize((address - first) as usize, 0xff);
         flat.extend_from_slice(bytes);
     }
@@ -149,7 +148,7 @@ fn write_flat(image: &Path) -> Outcome<PathBuf> {
     Ok(path)
 }
 
-/// The paths that panics name are short ones, and an image is the same wherever it was built.
+/// Shortens the paths in panic messages, so an image is the same wherever it was built.
 fn short_paths() -> String {
     let home = std::env::var_os("CARGO_HOME").map(PathBuf::from);
     let home =
@@ -162,8 +161,7 @@ fn short_paths() -> String {
     format!("target.{TARGET}.rustflags=[{}]", flags.collect::<Vec<_>>().join(","))
 }
 
-/// Checks the Linux program for two ARM targets. No target has to be fetched; linking would need a cross linker and the C
-/// library of each.
+/// Checks the Linux program for two ARM targets. Needs no prebuilt target; linking would need a cross linker and C libraries.
 pub(crate) fn arm() -> Outcome {
     if !has_sources() {
         return Err("Debian's compiler is missing: cargo xtask install arm".into());

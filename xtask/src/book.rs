@@ -1,5 +1,5 @@
-//! The documents as a book (mdBook), and what holds for each of them: links lead somewhere, fenced blocks say what they are, table
-//! cells are short, and the contents stand on top.
+//! The documents as a book (mdBook), and checks of each document: links resolve, fenced blocks have a tag, table cells are short,
+//! and the contents come first.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -10,7 +10,7 @@ use crate::tools::{Outcome, built, command, root, run};
 const REPOSITORY: &str = concat!(env!("CARGO_PKG_REPOSITORY"), "/blob/main");
 const CELL_CHARS_MAX: usize = 200;
 
-/// Checks the documents, and builds the book into target/book unless that is all.
+/// Checks the documents, then builds the book into target/book unless `check` is set.
 pub(crate) fn make(check: bool) -> Outcome {
     let files = documents()?;
     let texts = files
@@ -43,7 +43,7 @@ pub(crate) fn make(check: bool) -> Outcome {
     built("target/book/index.html")
 }
 
-/// Copies docs/ for mdBook, which has no other files: links to those lead to the repository.
+/// Copies docs/ for mdBook, which sees no other files: links to those are pointed at the repository.
 fn stage() -> Outcome {
     let fault = |error: std::io::Error| format!("target/docs: {error}");
     let to = root().join("target/docs");
@@ -57,7 +57,7 @@ fn stage() -> Outcome {
     Ok(())
 }
 
-/// The Markdown files that git knows.
+/// The Markdown files that git tracks or would track.
 fn documents() -> Outcome<Vec<PathBuf>> {
     let files = crate::tools::output(&mut command(
         "git",
@@ -66,7 +66,7 @@ fn documents() -> Outcome<Vec<PathBuf>> {
     Ok(files.lines().map(|file| root().join(file)).filter(|file| file.exists()).collect())
 }
 
-/// Documents that the book lacks.
+/// Documents missing from the book.
 fn not_in_the_summary(texts: &HashMap<PathBuf, Document>) -> Outcome<Vec<String>> {
     let summary = root().join("docs/SUMMARY.md");
     let listed = &texts.get(&summary).ok_or("docs/SUMMARY.md is missing")?.links;
@@ -76,7 +76,7 @@ fn not_in_the_summary(texts: &HashMap<PathBuf, Document>) -> Outcome<Vec<String>
     Ok(missing.map(|name| format!("docs/SUMMARY.md: lacks {name}")).collect())
 }
 
-/// Why a link of `file` leads nowhere, if so. What is on other hosts is not asked for.
+/// Why a link of `file` is broken, if it is. External links are not checked.
 fn dead(file: &Path, link: &str, texts: &HashMap<PathBuf, Document>) -> Option<String> {
     if link.contains("://") || link.starts_with("mailto:") {
         return None;
@@ -89,19 +89,19 @@ fn dead(file: &Path, link: &str, texts: &HashMap<PathBuf, Document>) -> Option<S
     (!known).then(|| "no such heading".into())
 }
 
-/// What is in a Markdown file.
+/// The checked contents of a Markdown file.
 #[derive(Default)]
 struct Document {
-    /// The name of each heading, as links have it.
+    /// Anchors of the headings.
     anchors: Vec<String>,
-    /// With their lines.
+    /// Links with their line numbers.
     links: Vec<(usize, String)>,
-    /// Lines of fences that have no tag.
+    /// Line numbers of fences without a tag.
     untagged: Vec<usize>,
-    /// Lines of long cells, with their lengths.
+    /// Line numbers of long cells, with their lengths.
     long: Vec<(usize, usize)>,
     sections: usize,
-    /// Whether links to own headings come before the first section.
+    /// Whether links to the document's headings come before the first section.
     contents: bool,
 }
 
@@ -127,7 +127,7 @@ impl Document {
         document
     }
 
-    /// A line outside of fences.
+    /// Parses a line outside of fences.
     fn line(&mut self, number: usize, line: &str) {
         let level = line.len() - line.trim_start_matches('#').len();
         if level > 0 && line[level..].starts_with(' ') {
@@ -150,7 +150,7 @@ impl Document {
         }
     }
 
-    /// Named as GitHub and mdBook do: small letters, no punctuation, hyphens for blanks; a number for the next of the same name.
+    /// Anchors as GitHub and mdBook make them: lower case, no punctuation, hyphens for spaces; a number for repeated names.
     fn heading(&mut self, text: &str) {
         let kept = text.chars().filter(|of| of.is_alphanumeric() || matches!(of, ' ' | '-' | '_'));
         let name = kept.collect::<String>().trim().to_lowercase().replace(' ', "-");

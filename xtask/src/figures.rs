@@ -1,14 +1,14 @@
-//! Holds printed figures against tests/figures.
+//! Compares printed figures with tests/figures.
 //!
-//! A line of tests/figures is the name of a figure, or a name and a bound (`<=1.4`, `>=40`) for one that may fall short of its
-//! target, but not of that. One that falls short, one that is not there and one that is not in the list are faults.
+//! A line of tests/figures is the name of a figure, or a name and a bound (`<=1.4`, `>=40`) for one that may miss its target, but
+//! not this bound. Figures that fall short, are missing, or are not listed are errors.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use crate::tools::{Outcome, read};
 
-/// Whether all figures of the list are in what commands printed, and good enough.
+/// Whether the commands printed all listed figures, and good enough ones.
 pub(crate) fn hold(printed: &Path) -> Outcome {
     let printed =
         std::fs::read_to_string(printed).map_err(|error| format!("{}: {error}", printed.display()))?;

@@ -1,9 +1,9 @@
-//! Fuzzes each framing so long, one after the other, and prints a figure for each. The stable toolchain will do.
+//! Fuzzes each framing for some seconds and prints a figure for each. Works with the stable toolchain.
 
 use crate::install::{self, Group};
 use crate::tools::{Outcome, command, line};
 
-/// Fuzzes these targets; all are tried before the first that failed is told of.
+/// Fuzzes these targets. A failed target does not stop the others.
 pub(crate) fn all(seconds: u64, targets: &[String]) -> Outcome {
     install::check(&[Group::Fuzz])?;
     let failed: Vec<&str> =
@@ -23,7 +23,7 @@ fn one(seconds: u64, target: &str) -> Outcome {
         "--debug-assertions",
     ];
     let mut cargo = command("cargo", &["fuzz", "run"]);
-    // cargo-fuzz passes options that a stable compiler has under lock.
+    // cargo-fuzz passes unstable options.
     cargo.args(options).arg(target).env("RUSTC_BOOTSTRAP", "1");
     let again = line(&cargo);
     cargo.args(["--", "-print_final_stats=1"]).arg(format!("-max_total_time={seconds}"));
@@ -31,14 +31,14 @@ fn one(seconds: u64, target: &str) -> Outcome {
     let log =
         format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
     let behind = |words: &str| log.lines().find_map(|line| Some(line.split_once(words)?.1.trim()));
-    // Without the final count, libFuzzer did not come to its end.
+    // Without the final count, libFuzzer did not finish.
     let count = behind("stat::number_of_executed_units:");
     let good = output.status.success() && count.is_some();
     println!("figure fuzz_{target} {} execs - {}", count.unwrap_or("0"), if good { "ok" } else { "short" });
     if good {
         return Ok(());
     }
-    // What failed, or what kept the target from being built; then how to see it again.
+    // Shows the failure or the build error, and how to reproduce it.
     let lines: Vec<&str> = log.lines().collect();
     let fault = lines.iter().position(|line| line.contains(" panicked at ") || line.starts_with("error"));
     let shown = fault.map_or(lines.len().saturating_sub(20)..lines.len(), |at| at..lines.len().min(at + 5));

@@ -1,4 +1,4 @@
-//! What keeps the repository as it is: licences and sources of crates, the Rust version, the editor's projects, a release.
+//! Repository checks: licences and sources of crates, the Rust version, the editor's projects; and the release build.
 
 use std::path::PathBuf;
 
@@ -7,7 +7,7 @@ use crate::install::{self, Group};
 use crate::test;
 use crate::tools::{Outcome, built, cargo, command, output, program, read, root, run};
 
-/// Folders of boards/ and tests/ that are workspaces of their own.
+/// Folders of boards/ and tests/ with their own workspace.
 fn workspaces() -> Outcome<Vec<PathBuf>> {
     let boards = root().join("boards").read_dir().map_err(|error| format!("boards/: {error}"))?;
     let folders = boards.flatten().map(|entry| entry.path()).chain([root().join("tests/fuzz")]);
@@ -16,7 +16,7 @@ fn workspaces() -> Outcome<Vec<PathBuf>> {
     Ok(own)
 }
 
-/// Checks licences, bans and sources of all crates, of the workspace and of each board: see deny.toml.
+/// Checks licences, bans and sources of all crates, in the workspace and each board: see deny.toml.
 pub(crate) fn deny() -> Outcome {
     install::check(&[Group::Deny])?;
     cargo_deny(&["bans", "licenses", "sources"])
@@ -31,7 +31,7 @@ fn cargo_deny(checks: &[&str]) -> Outcome {
     Ok(())
 }
 
-/// Builds what a release consists of, after its crates were looked up in the database of advisories: fails without it.
+/// Builds a release, after checking its crates against the advisory database; fails without that.
 pub(crate) fn release() -> Outcome {
     install::check(&[Group::Release, Group::Deny, Group::Package, Group::Thumb])?;
     cargo_deny(&["advisories"])?;
@@ -39,7 +39,7 @@ pub(crate) fn release() -> Outcome {
     for board in board::nucleos()? {
         board::run(&board, "build", &[])?;
     }
-    // What the program and each image are made of, in CycloneDX.
+    // SBOMs of the program and each image, in CycloneDX.
     let linux = root().join("boards/linux");
     for folder in std::iter::once(linux).chain(workspaces()?.into_iter().filter(|of| !of.ends_with("fuzz"))) {
         let name = folder.file_name().unwrap_or_default().to_string_lossy().into_owned();
@@ -56,7 +56,7 @@ pub(crate) fn release() -> Outcome {
     Ok(())
 }
 
-/// Builds the workspace with the oldest Rust that it says it needs, unless that is the one in use.
+/// Checks the workspace with the oldest supported Rust, unless that is the one in use.
 pub(crate) fn rust_version() -> Outcome {
     let manifest = read("Cargo.toml")?;
     let line = manifest.lines().find(|line| line.starts_with("rust-version = "));
@@ -84,7 +84,7 @@ pub(crate) fn rust_version() -> Outcome {
     run(check.env_remove("RUSTUP_TOOLCHAIN").env_remove("RUSTC"))
 }
 
-/// Formats of all packages; lints and documentation of those of the workspace; what editors, crates and callers see.
+/// Checks the formatting of all packages, lints and docs of the workspace's, the editor's projects, and the Rust version.
 pub(crate) fn lint() -> Outcome {
     run(&mut command("cargo", &["fmt", "--all", "--check"]))?;
     let boards =
@@ -98,14 +98,14 @@ pub(crate) fn lint() -> Outcome {
     linked_projects()?;
     rust_version()?;
     run(&mut cargo("clippy", &["--workspace", "--all-targets", "--", "-D", "warnings"]))?;
-    // The program as it is packaged.
+    // The program as packaged.
     let packaged = ["--package", "mobgate-linux", "--no-default-features", "--features", "linux_5_11"];
     run(cargo("clippy", &packaged).args(["--", "-D", "warnings"]))?;
     run(cargo("doc", &["--workspace", "--no-deps"]).env("RUSTDOCFLAGS", "-Dwarnings"))?;
     built("target/doc/mobgate/index.html")
 }
 
-/// Whether rust-analyzer knows the packages that are not in the workspace.
+/// Checks that rust-analyzer knows the packages outside the workspace.
 fn linked_projects() -> Outcome {
     let settings = read(".vscode/settings.json")?;
     for folder in workspaces()? {

@@ -1,4 +1,4 @@
-//! What the commands need beside Rust, how one sees whether it is there, and who brings it: apt-get, pip, npm, cargo.
+//! Dependencies of the commands besides Rust: how to detect and install them, by apt-get, pip, npm or cargo.
 
 use std::path::Path;
 
@@ -7,10 +7,10 @@ use clap::ValueEnum;
 use crate::board;
 use crate::tools::{self, Outcome, command, program, read, root, run, succeeds};
 
-/// What needs something.
+/// What the dependencies are for.
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Group {
-    /// The workspace's tests: Modbus and EtherCAT programs by others
+    /// The workspace's tests: third-party Modbus and EtherCAT programs
     Peers,
     /// A compiler for a Cortex-M
     Thumb,
@@ -32,12 +32,12 @@ pub(crate) enum Group {
     Release,
 }
 
-/// Who brings it.
+/// How to install it.
 enum By {
     Apt(&'static [&'static str]),
     /// A crate, built from source.
     Cargo(&'static str),
-    /// The packages of a lock file, into target/.
+    /// A function: lock files into target/, QEMU from backports.
     Own(fn() -> Outcome),
 }
 
@@ -89,7 +89,7 @@ const NEEDS: [Need; 23] = [
         by: DEBIAN_RUST,
         found: |_| board::has_toolchain(),
     },
-    // Debian 12 has 7.2, which the tests do not want.
+    // Debian 12 has 7.2, which is too old for the tests.
     Need {
         group: Group::Qemu,
         name: "qemu-system-arm of version 8 or later",
@@ -121,21 +121,21 @@ const fn by_cargo(group: Group, name: &'static str) -> Need {
     Need { group, name, by: By::Cargo(name), found: |name| program(name).is_some() }
 }
 
-/// What these groups need and is not here.
+/// Missing dependencies of these groups; of all groups if none are given.
 fn missing(groups: &[Group]) -> Vec<&'static Need> {
     let needs = NEEDS.iter().filter(|need| groups.is_empty() || groups.contains(&need.group));
     let mut missing: Vec<_> = needs.filter(|need| !(need.found)(need.name)).collect();
-    // Two groups may need the same.
+    // Groups may share a dependency.
     missing.dedup_by_key(|need| need.name);
     missing
 }
 
-/// Names what is missing for these groups; without groups, for all.
+/// Fails with a list of what is missing for these groups; for all if none are given.
 pub(crate) fn check(groups: &[Group]) -> Outcome {
     all(groups, false)
 }
 
-/// Installs what these groups need (without groups, what all need) and says what it installs; or only names it.
+/// Installs and lists what these groups need (all groups if none are given), or with `install` off only fails with the list.
 pub(crate) fn all(groups: &[Group], install: bool) -> Outcome {
     let missing = missing(groups);
     if missing.is_empty() {
@@ -176,7 +176,7 @@ pub(crate) fn all(groups: &[Group], install: bool) -> Outcome {
     Ok(())
 }
 
-/// As root, or by sudo.
+/// A command run as root, by sudo if necessary.
 fn as_root(arguments: &[&str]) -> std::process::Command {
     let root = tools::output(&mut command("id", &["-u"])).is_ok_and(|id| id.trim() == "0");
     let mut command = if root { command("env", &[""; 0]) } else { command("sudo", &["env"]) };
@@ -199,7 +199,7 @@ fn qemu_version() -> Option<u32> {
     text.split_once("version ")?.1.split('.').next()?.parse().ok()
 }
 
-/// Debian 12 has the newer one in its backports, from where the machine has the rest.
+/// Debian 12 has the newer version in its backports, on the machine's usual mirror.
 fn qemu() -> Outcome {
     let release = std::fs::read_to_string("/etc/os-release").unwrap_or_default();
     if !release.contains("VERSION_CODENAME=bookworm") {
@@ -228,12 +228,12 @@ fn qemu() -> Outcome {
 const REQUIREMENTS: &str = "boards/linux/tests/peers/requirements.txt";
 const PACKAGES: &str = "boards/linux/tests/peers/node/package-lock.json";
 
-/// Whether what this list says is in the folder.
+/// Whether the folder has the contents of this lock file.
 fn is_installed(list: &str, folder: &str) -> bool {
     read(list).is_ok_and(|list| read(format!("{folder}/installed")).is_ok_and(|installed| installed == list))
 }
 
-/// From now on it is.
+/// Marks the contents of the lock file as installed.
 fn note_installed(list: &str, folder: &str) -> Outcome {
     let file = root().join(folder).join("installed");
     std::fs::write(&file, read(list)?).map_err(|error| format!("{}: {error}", file.display()))
@@ -246,8 +246,7 @@ fn python() -> Outcome {
     note_installed(REQUIREMENTS, "target/python")
 }
 
-/// As the lock file says, without running what packages would run when they are installed: serialport brings its binaries
-/// along.
+/// Installs the lock file's packages without their install scripts: serialport ships prebuilt binaries.
 fn node() -> Outcome {
     let folder = root().join("target/node");
     std::fs::create_dir_all(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;

@@ -1,4 +1,5 @@
-//! The developers' commands: `cargo xtask help` lists them. What they run is elsewhere; they know how, and what it needs.
+//! The developers' commands: `cargo xtask help` lists them. The programs they run are elsewhere; they know how to run them, and
+//! their dependencies.
 
 use std::process::ExitCode;
 
@@ -31,23 +32,23 @@ struct Arguments {
 
 #[derive(Subcommand)]
 enum Task {
-    /// Installs what the tests need, and passes them
+    /// Installs what the tests need, and runs them
     Test {
-        /// Name what is missing instead of installing it
+        /// List what is missing instead of installing it
         #[arg(long)]
         no_install: bool,
-        /// Some of the tests only
+        /// Only these tests
         #[arg(default_values = ["workspace", "qemu", "package"])]
         suites: Vec<Suite>,
     },
-    /// Installs what all commands need, or some of them: by apt-get, pip, npm and cargo
+    /// Installs what all commands need, or these groups: by apt-get, pip, npm and cargo
     Install {
-        /// Name what is missing instead
+        /// List what is missing instead
         #[arg(long)]
         no_install: bool,
         groups: Vec<Group>,
     },
-    /// Checks formats, clippy's lints, the documentation and the rust-version
+    /// Checks formatting, clippy's lints, the documentation and the rust-version
     Lint,
     /// Runs cargo for a board: `board nucleo_h743zi build`, `board core build` for the gateway's core alone
     Board {
@@ -70,17 +71,17 @@ enum Task {
     /// Measures the gateway in virtual time
     #[command(disable_help_flag = true)]
     Bench(Words),
-    /// Measures the Linux program at pseudo-terminals, with real time
+    /// Measures the Linux program on pseudo-terminals, in real time
     #[command(disable_help_flag = true)]
     Pty(Words),
     /// Counts instructions and system calls of the Linux program
     #[command(disable_help_flag = true)]
     Counts(Words),
-    /// Measures gateways by others beside mobgate, in one run
+    /// Measures third-party gateways beside mobgate, in one run
     Peers(peers::Choice),
     /// Runs libmodbus's own test suite through the gateway
     Libmodbus,
-    /// Fuzzes each framing so many seconds
+    /// Fuzzes each framing for this many seconds
     Fuzz {
         #[arg(value_parser = clap::value_parser!(u64).range(1..))]
         seconds: u64,
@@ -90,29 +91,29 @@ enum Task {
     /// Changes the code in small ways and names the changes that no test notices
     #[command(disable_help_flag = true)]
     Mutation(Words),
-    /// Runs the tests that depend on the machine's clock many times beside busy threads
+    /// Runs the tests that depend on the machine's clock many times, beside busy threads
     UnderLoad(under_load::Choice),
-    /// Builds the documents as a book, after their links, tables and blocks were checked
+    /// Builds the documents as a book, after checking their links, tables and blocks
     Book {
-        /// Builds nothing
+        /// Only check
         #[arg(long)]
         check: bool,
     },
     /// Checks licences, bans and sources of all crates
     Deny,
-    /// Checks that the public items of the library crates are those of xtask/api
+    /// Checks the public items of the library crates against xtask/api
     Api {
-        /// Writes the lists instead
+        /// Write the lists instead
         #[arg(long)]
         write: bool,
     },
-    /// Builds what a release consists of: package, images, SBOMs; looks all crates up in the database of advisories
+    /// Builds a release: package, images, SBOMs; checks all crates against the advisory database
     Release,
-    /// Holds the figures that commands printed into a file against tests/figures
+    /// Compares the figures that commands printed into a file with tests/figures
     Figures { file: std::path::PathBuf },
 }
 
-/// What is handed on as it is.
+/// Arguments passed on unchanged.
 #[derive(Args)]
 struct Words {
     #[arg(trailing_var_arg = true, allow_hyphen_values = true, value_name = "ARGUMENT")]
@@ -147,7 +148,7 @@ fn carry_out(task: Task) -> Outcome {
         }
         Task::Counts(Words { words }) => {
             install::check(&[Group::Counts])?;
-            // Without epoll_pwait2, which many a valgrind does not know.
+            // Without epoll_pwait2, which many versions of valgrind do not know.
             let program = [
                 "--quiet",
                 "--package",

@@ -1,5 +1,5 @@
-//! Measures mobgate beside gateways by others: the same loads on the same devices, in turn, in one run. Prints a table for each
-//! load and a line for each figure; about a quarter of an hour, with --quick about five minutes.
+//! Measures mobgate beside third-party gateways: the same loads on the same devices, in turn, in one run. Prints a table for each
+//! load and a line for each figure; takes about a quarter of an hour, with --quick about five minutes.
 
 use std::path::Path;
 use std::process::Command;
@@ -8,7 +8,7 @@ use clap::Args;
 
 use crate::tools::{Outcome, cargo, command, root, run};
 
-/// Which loads.
+/// Loads to run.
 #[derive(Args)]
 #[command(
     after_help = "MBUSD=/path/to/mbusd takes mbusd along, which no package registry has. modbus-relay needs pkg-config and libudev-dev."
@@ -21,12 +21,11 @@ pub(crate) struct Choice {
     groups: Vec<String>,
 }
 
-/// Installs the peers into target/peers and measures. One that cannot be installed is named, with the reason, and takes no
-/// part.
+/// Installs the peers into target/peers and measures. Peers that cannot be installed are reported and skipped.
 pub(crate) fn measure(choice: &Choice) -> Outcome {
     let peers = root().join("target/peers");
     std::fs::create_dir_all(&peers).map_err(|error| format!("{}: {error}", peers.display()))?;
-    // The versions that the figures in docs/performance.md are of.
+    // The versions measured in docs/performance.md.
     for name in ["modbus-relay@2025.11.0", "modbus-gateway@0.2.0", "modbus-proxy-rs@1.0.0"] {
         let mut install = command("cargo", &["install", "--quiet", "--locked", name, "--root"]);
         install.arg(&peers).arg("--target-dir").arg(peers.join("build"));
@@ -43,7 +42,7 @@ pub(crate) fn measure(choice: &Choice) -> Outcome {
     run(bench.env("MOBGATE_PEERS", &peers))
 }
 
-/// Installs one, unless that has been done.
+/// Installs a peer once.
 fn peer(peers: &Path, name: &str, commands: &mut [Command]) {
     let done = peers.join(format!("{}.installed", name.split('@').next().unwrap_or(name)));
     if done.exists() {
@@ -63,6 +62,6 @@ fn peer(peers: &Path, name: &str, commands: &mut [Command]) {
         println!("{name} cannot be installed: {why}");
         return;
     }
-    // Only the next run is slower without it.
+    // If this fails, only the next run is slower.
     let _ = std::fs::write(done, "");
 }

@@ -1,9 +1,8 @@
 //! Sizes of the STM32 images, each without and with EtherCAT and data points: sections, largest symbols, budgets.
 //!
-//! Flash is what is programmed: code, constants, and the start values of variables. RAM is what is taken before the first
-//! instruction; what is left of the memory is the stack. The router's core is what lies between the ports: router, rules,
-//! frames, queues, counters. It is measured by the sizes of the symbols whose name begins there, in the linked image, after
-//! inlining; its RAM is one port's place among the gateway's statics.
+//! Flash is what is programmed: code, constants, and initial values of variables. RAM is what is used statically; the rest of the
+//! memory is the stack. The router's core is what lies between the ports: router, rules, frames, queues, counters. Its flash is the
+//! sum of the symbols of its modules in the linked image, after inlining; its RAM is one port's slot in the gateway's statics.
 
 use std::path::Path;
 
@@ -24,7 +23,7 @@ const CORE: [&str; 11] = [
     "port::client::dispatcher",
     "port::client::cache",
 ];
-/// What these hold besides: changes of settings, requests of the console, sockets, statistics of response times.
+/// Parts of these modules that do not count: changes of settings, console requests, sockets, response time statistics.
 const BESIDES: [&str; 10] = [
     "routing::is_implied",
     "stats::response_tail",
@@ -37,10 +36,10 @@ const BESIDES: [&str; 10] = [
     "gateway::socket",
     "gateway::turns",
 ];
-/// Tasks of the ports themselves: framing, timing, sockets.
+/// The ports' own tasks: framing, timing, sockets.
 const TASKS: [&str; 4] = ["run_port", "run_connection", "play<", "socket_closed"];
 
-/// The gateway's statics with the futures of its tasks.
+/// The gateway's statics, including the futures of its tasks.
 const PARTS: [(&str, &str); 7] = [
     ("port_futures", "gateway::port::POOL"),
     ("connection_futures", "gateway::connection::POOL"),
@@ -55,7 +54,7 @@ const CODE: &str = "tTrR";
 const VARIABLES: &str = "dDbB";
 const LARGEST: usize = 8;
 
-/// Prints the sizes of these boards' images, or of all.
+/// Prints the sizes of these boards' images; of all if none are given.
 pub(crate) fn print(boards: &[String]) -> Outcome {
     let all = board::nucleos()?;
     for board in if boards.is_empty() { &all } else { boards } {
@@ -82,7 +81,7 @@ fn kib(bytes: u64) -> f64 {
     bytes as f64 / 1024.0
 }
 
-/// Whether a symbol is of the router's core.
+/// Whether a symbol belongs to the router's core.
 fn is_core(symbol: &str) -> bool {
     let Some((_, module)) = symbol.split_once("mobgate::") else { return false };
     let within = |modules: &[&str]| modules.iter().any(|of| module.starts_with(of));
@@ -101,7 +100,7 @@ struct Image {
 }
 
 impl Image {
-    /// Builds it, and shows what it consists of.
+    /// Builds an image and prints its sections and largest symbols.
     fn build(board: &str, features: &[&str]) -> Outcome<Self> {
         let arguments: Vec<String> =
             ["--no-default-features"].iter().chain(features).map(|&word| word.into()).collect();
@@ -158,7 +157,7 @@ impl Image {
         core.map(|symbol| symbol.bytes).sum()
     }
 
-    /// Of one port.
+    /// The core's RAM for one port.
     fn core_ram(&self) -> Outcome<u64> {
         let source = read("boards/stm32/src/gateway.rs")?;
         let ports = source.lines().find(|line| line.contains("const PORTS: usize = if "));
@@ -173,7 +172,7 @@ impl Image {
         symbol.map(|symbol| symbol.bytes).ok_or(format!("no {end} in the image"))
     }
 
-    /// Part by part, and together.
+    /// Prints the parts and the total.
     fn gateway_ram(&self) -> Outcome {
         for (part, name) in PARTS {
             figure(&format!("gateway_ram_{part}"), kib(self.named(name)?), "KiB", None);
@@ -199,7 +198,7 @@ mod tests {
         }
     }
 
-    /// A module or function with a new name would change the figure without a word.
+    /// Renaming a module or function would change the figure silently.
     #[test]
     fn what_the_core_is_made_of_is_there() {
         for path in CORE.iter().chain(&BESIDES) {

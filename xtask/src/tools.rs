@@ -1,18 +1,18 @@
-//! Commands that are run from the repository's root, and figures that are printed.
+//! Runs commands from the repository's root, and prints figures.
 
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-/// What went wrong, for people.
+/// The error is a message for people.
 pub(crate) type Outcome<T = ()> = Result<T, String>;
 
-/// The repository.
+/// The repository's root.
 pub(crate) fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap_or(Path::new("."))
 }
 
-/// A program at the repository's root, without what `cargo run` tells about this package.
+/// A command at the repository's root, without the environment that `cargo run` sets for this package.
 pub(crate) fn command<A: AsRef<OsStr>>(program: impl AsRef<OsStr>, arguments: &[A]) -> Command {
     let mut command = Command::new(program);
     command.current_dir(root()).args(arguments);
@@ -28,20 +28,20 @@ pub(crate) fn command<A: AsRef<OsStr>>(program: impl AsRef<OsStr>, arguments: &[
     command
 }
 
-/// `cargo` with these words and the versions of the lock file.
+/// `cargo` with these arguments, locked to the lock file.
 pub(crate) fn cargo<A: AsRef<OsStr>>(subcommand: &str, arguments: &[A]) -> Command {
     let mut cargo = command("cargo", &[subcommand, "--locked"]);
     cargo.args(arguments);
     cargo
 }
 
-/// As it is written in a shell.
+/// The command as typed in a shell.
 pub(crate) fn line(command: &Command) -> String {
     let words = std::iter::once(command.get_program()).chain(command.get_args());
     words.map(|word| word.to_string_lossy().into_owned()).collect::<Vec<_>>().join(" ")
 }
 
-/// Runs it, its output on this terminal.
+/// Runs the command, with its output on this terminal.
 pub(crate) fn run(command: &mut Command) -> Outcome {
     let text = line(command);
     match command.status() {
@@ -51,7 +51,7 @@ pub(crate) fn run(command: &mut Command) -> Outcome {
     }
 }
 
-/// What it prints; its errors go to this terminal.
+/// The command's output; its errors go to this terminal.
 pub(crate) fn output(command: &mut Command) -> Outcome<String> {
     let text = line(command);
     let output = command.stderr(Stdio::inherit()).output().map_err(|error| format!("{text}: {error}"))?;
@@ -61,24 +61,24 @@ pub(crate) fn output(command: &mut Command) -> Outcome<String> {
     String::from_utf8(output.stdout).map_err(|error| format!("{text}: {error}"))
 }
 
-/// Whether it ends well; what it prints is not shown.
+/// Whether the command succeeds; its output is discarded.
 pub(crate) fn succeeds(command: &mut Command) -> bool {
     command.stdout(Stdio::null()).stderr(Stdio::null()).status().is_ok_and(|status| status.success())
 }
 
-/// Where a program is.
+/// Finds a program in PATH.
 pub(crate) fn program(name: &str) -> Option<PathBuf> {
     let path = std::env::var_os("PATH")?;
     std::env::split_paths(&path).map(|folder| folder.join(name)).find(|file| file.is_file())
 }
 
-/// The text of a file of the repository.
+/// Reads a text file of the repository.
 pub(crate) fn read(path: impl AsRef<Path>) -> Outcome<String> {
     let path = root().join(path);
     std::fs::read_to_string(&path).map_err(|error| format!("{}: {error}", path.display()))
 }
 
-/// A command that builds something ends so.
+/// Reports a build product, or fails if it does not exist.
 pub(crate) fn built(path: impl AsRef<Path>) -> Outcome {
     let path = path.as_ref();
     let shown = path.strip_prefix(root()).unwrap_or(path).display();
@@ -89,7 +89,7 @@ pub(crate) fn built(path: impl AsRef<Path>) -> Outcome {
     Ok(())
 }
 
-/// Prints a figure, and whether it is at most so much.
+/// Prints a figure, and whether it is within its upper limit.
 pub(crate) fn figure(name: &str, value: f64, unit: &str, most: Option<f64>) {
     let wanted = most.map_or("-".to_owned(), |most| format!("<={most}"));
     let verdict = if most.is_some_and(|most| value > most) { "short" } else { "ok" };

@@ -1,5 +1,5 @@
-//! Runs the tests that depend on the clock of the machine many times in a row, beside threads that never rest. Prints a line
-//! for each test program and a figure.
+//! Runs the tests that depend on the machine's clock many times in a row, beside busy threads. Prints a line for each test program
+//! and a figure.
 
 use std::process::{Command, Stdio};
 use std::time::Instant;
@@ -8,20 +8,20 @@ use clap::Args;
 
 use crate::tools::{Outcome, cargo, command, figure};
 
-/// How often, beside what.
+/// Number of runs, and the load.
 #[derive(Args)]
 pub(crate) struct Choice {
     #[arg(default_value_t = 10)]
     runs: usize,
-    /// Threads that never rest
+    /// Threads that spin
     #[arg(default_value_t = 8)]
     busy: usize,
-    /// Only the programs whose words contain this
+    /// Only the programs whose arguments contain this
     #[arg(long, default_value = "")]
     only: String,
 }
 
-/// As cargo takes them, and which of their tests depend on a clock.
+/// Arguments for cargo, with filters for the tests that depend on a clock.
 const PROGRAMS: [&str; 15] = [
     "--package mobgate-linux --lib",
     "--package mobgate-linux --test tcp_clients",
@@ -40,10 +40,10 @@ const PROGRAMS: [&str; 15] = [
     "--package mobgate-qemu --test qemu",
 ];
 
-/// Runs them all; a test that fails under load is a fault.
+/// Runs them all; a test that fails under load is a bug.
 pub(crate) fn run_all(choice: &Choice) -> Outcome {
     let programs = PROGRAMS.iter().filter(|program| program.contains(&choice.only));
-    // Built before there is load.
+    // Built before the load starts.
     let built = programs.map(|program| Ok((*program, build(program)?))).collect::<Outcome<Vec<_>>>()?;
     for _ in 0..choice.busy {
         // They end with this process.
@@ -66,7 +66,7 @@ pub(crate) fn run_all(choice: &Choice) -> Outcome {
     if failed == 0 { Ok(()) } else { Err(format!("{failed} runs failed")) }
 }
 
-/// The test program.
+/// Builds a test program and returns its path.
 fn build(program: &str) -> Outcome<String> {
     let words = program.split(" -- ").next().unwrap_or(program).split(' ').collect::<Vec<_>>();
     let output = cargo("test", &["--no-run"]).args(words).output().map_err(|error| error.to_string())?;

@@ -1,10 +1,9 @@
-//! The embassy-time driver of hosts, the wall clock or a virtual clock of one thread; and their critical section, which the
-//! locks of embassy-sync need.
+//! The embassy-time driver for hosts, on the wall clock or a per-thread virtual clock, and the critical section that embassy-sync
+//! needs.
 //!
-//! A task that waits for a time leaves its waker in the calling thread's queue; that thread's loop reads
-//! [`next_alarm`], sleeps until then by whatever means it has, and calls [`fire_due`]. Tests and simulations
-//! replace the time itself by [`virtual_time`]. Queue and virtual clock belong to a thread, so that many
-//! simulations run side by side in one process.
+//! A waiting task stores its waker in the calling thread's queue. That thread's loop reads [`next_alarm`], sleeps until then by any
+//! means, and calls [`fire_due`]. Tests and simulations replace the time by [`virtual_time`]. Queue and virtual clock are per
+//! thread, so many simulations run in parallel in one process.
 
 use std::cell::Cell;
 use std::sync::atomic::AtomicU64;
@@ -26,7 +25,7 @@ embassy_time_driver::time_driver_impl!(static CLOCK: HostClock = HostClock);
 const _: () = assert!(embassy_time_driver::TICK_HZ == 1_000_000, "a tick of this clock is a microsecond");
 
 thread_local! {
-    /// What the thread's last look at the clock gave.
+    /// The thread's last reading of the clock.
     static SEEN: Cell<u64> = const { Cell::new(0) };
 }
 
@@ -38,8 +37,8 @@ impl Driver for HostClock {
     }
 
     fn schedule_wake(&self, at: u64, waker: &Waker) {
-        // Who waits has looked at the clock just before. What has passed since then is found by the thread's loop, which looks
-        // before it sleeps.
+        // A timer reads the clock just before it waits, so the last reading is good enough. Time passed since then is caught by the
+        // thread's loop, which reads the clock before it sleeps.
         if at <= virtual_time::now().unwrap_or_else(|| SEEN.get()) {
             waker.wake_by_ref();
         } else {
@@ -48,20 +47,20 @@ impl Driver for HostClock {
     }
 }
 
-/// When the clock was looked at first, in microseconds of the host's own; 0 before that.
+/// The host's monotonic time at the first reading, in microseconds; 0 before that.
 static STARTED: AtomicU64 = AtomicU64::new(0);
 
-/// Microseconds since the first look, as a board's clock starts with it. Without the detour through std's `Instant`, which
-/// checks what cannot be: this is called some twenty times for a transaction.
+/// Microseconds since the first reading, because a board's clock also starts at 0. Bypasses std's `Instant` and its redundant
+/// checks: this is called some twenty times per transaction.
 fn wall_clock() -> u64 {
     let mut now = libc::timespec { tv_sec: 0, tv_nsec: 0 };
-    // SAFETY: `now` is a place for what is written. Every host has this clock, so the call cannot fail.
+    // SAFETY: `now` is valid for writes. Every host has this clock, so the call cannot fail.
     unsafe { libc::clock_gettime(libc::CLOCK_MONOTONIC, &mut now) };
     let now = now.tv_sec as u64 * 1_000_000 + now.tv_nsec as u64 / 1_000;
     let started = match STARTED.load(Relaxed) {
         0 => STARTED.compare_exchange(0, now, Relaxed, Relaxed).err().unwrap_or(now),
         started => started,
     };
-    // Of two threads that look first, the one that came later may have read its time earlier.
+    // Two threads may race for the first reading; the loser may have read an earlier time.
     now.saturating_sub(started)
 }

@@ -1,7 +1,7 @@
-//! The calling thread's alarms: one for every waker that waits for a time.
+//! The calling thread's alarms: at most one per waker.
 //!
-//! A waker has at most one alarm, the earliest. Whoever is woken polls its timers again and each leaves its time
-//! anew, so nothing is lost, and a timer that is set again and again (an idle time-out) does not pile up.
+//! A waker keeps only its earliest alarm. A woken task polls all its timers, and each schedules itself again, so nothing is lost,
+//! and a timer that is reset often (an idle time-out) does not pile up.
 
 use std::cell::RefCell;
 use std::task::Waker;
@@ -15,14 +15,14 @@ struct Alarm {
 
 /// A thread's alarms.
 pub(crate) struct Alarms {
-    /// Unordered: a thread has some tens of tasks, and looking through them is cheaper than keeping them sorted.
+    /// Unordered: a thread has some tens of tasks, and a linear search is cheaper than sorting.
     set: Vec<Alarm>,
-    /// The earliest one's tick; the last tick there is when there is none.
+    /// Tick of the earliest alarm; `u64::MAX` if there is none.
     earliest: u64,
 }
 
 impl Alarms {
-    /// None.
+    /// No alarms.
     pub(crate) const NONE: Self = Self { set: Vec::new(), earliest: u64::MAX };
 }
 
@@ -37,7 +37,7 @@ pub(crate) fn insert(at: u64, waker: &Waker) {
         match set.iter().position(|alarm| alarm.waker.will_wake(waker)) {
             Some(index) => {
                 set[index].at = set[index].at.min(at);
-                // Who sets alarms often comes to the front, a place each time.
+                // Frequently used wakers move to the front, one step per call.
                 set.swap(index.saturating_sub(1), index);
             }
             None => set.push(Alarm { at, waker: waker.clone() }),
@@ -50,14 +50,14 @@ pub fn next_alarm() -> Option<u64> {
     ALARMS.with_borrow(|alarms| (alarms.earliest < u64::MAX).then_some(alarms.earliest))
 }
 
-/// Wakes everything of this thread whose time has come.
+/// Wakes all tasks of this thread that are due.
 pub fn fire_due() {
     let Some(earliest) = next_alarm() else { return };
     let now = now();
     if earliest > now {
         return;
     }
-    // Woken outside of the borrow: a waker may run code that sets the next alarm.
+    // Woken outside the borrow: a waker may run code that sets the next alarm.
     let due: Vec<Waker> = ALARMS.with_borrow_mut(|Alarms { set, earliest }| {
         let due = set.extract_if(.., |alarm| alarm.at <= now).map(|alarm| alarm.waker).collect();
         *earliest = set.iter().map(|alarm| alarm.at).min().unwrap_or(u64::MAX);
@@ -66,7 +66,7 @@ pub fn fire_due() {
     due.into_iter().for_each(Waker::wake);
 }
 
-/// Puts `alarms` in place of the thread's present ones, which are returned.
+/// Replaces the thread's alarms and returns the old ones.
 pub(crate) fn replace(alarms: Alarms) -> Alarms {
     ALARMS.replace(alarms)
 }

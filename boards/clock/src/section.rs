@@ -1,7 +1,7 @@
-//! The critical section of hosts: one lock for the whole process, which its owner may take again.
+//! The critical section for hosts: one reentrant lock for the whole process.
 //!
-//! Nearly everything runs in one thread and takes this lock some hundred times for a transaction, so it is a flag for the
-//! thread and one atomic exchange; other threads hold it for a few instructions only, to wake a task.
+//! Nearly all code runs in one thread, which takes this lock some hundred times per transaction, so it is a thread-local flag and
+//! one atomic exchange. Other threads hold it for a few instructions only, to wake a task.
 
 use std::cell::Cell;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -19,15 +19,15 @@ thread_local! {
     static OWNED: Cell<bool> = const { Cell::new(false) };
 }
 
-// SAFETY: between `acquire` and the `release` that belongs to it no other thread gets past `acquire`: `TAKEN` is true, and only its
-// owner makes it false. What an owner wrote is seen by the next one, by the order of release and acquire.
+// SAFETY: between `acquire` and its matching `release` no other thread gets past `acquire`: `TAKEN` is true, and only its owner
+// clears it. Release/acquire ordering makes an owner's writes visible to the next one.
 unsafe impl critical_section::Impl for Section {
     unsafe fn acquire() -> RawRestoreState {
         if OWNED.replace(true) {
             return true;
         }
         while TAKEN.swap(true, Ordering::Acquire) {
-            // Its owner may be waiting for a processor.
+            // The owner may be preempted.
             thread::yield_now();
         }
         false
@@ -59,7 +59,7 @@ mod tests {
                     for _ in 0..10_000 {
                         critical_section::with(|section| {
                             let count = count.borrow(section);
-                            // Taken once more inside, and kept until the outer one ends.
+                            // Nested acquisition; held until the outermost release.
                             critical_section::with(|_| {});
                             count.set(count.get() + 1);
                         });

@@ -1,4 +1,4 @@
-//! A clock of the calling thread that stands still until it is told to advance.
+//! A per-thread clock that only advances when told to.
 
 use std::cell::Cell;
 use std::marker::PhantomData;
@@ -14,17 +14,17 @@ pub(crate) fn now() -> Option<u64> {
     NOW.get()
 }
 
-/// Switches this thread to a virtual clock that starts at 0 and has no alarms, until the guard is dropped.
+/// Switches this thread to a virtual clock that starts at 0 without alarms, until the guard is dropped.
 ///
 /// # Panics
-/// When the thread is on a virtual clock already: two simulations in one thread would share their time.
+/// If the thread already has a virtual clock: two simulations in one thread would share their time.
 pub fn enter() -> VirtualClock {
     assert!(NOW.get().is_none(), "this thread is on a virtual clock already");
     NOW.set(Some(0));
     VirtualClock { wall_alarms: queue::replace(Alarms::NONE), _this_thread_only: PhantomData }
 }
 
-/// The thread's virtual clock; dropping it brings the wall clock back, with the alarms that were set on it.
+/// The thread's virtual clock. Dropping it restores the wall clock and its alarms.
 #[must_use = "the wall clock comes back when this is dropped"]
 pub struct VirtualClock {
     wall_alarms: Alarms,
@@ -32,10 +32,10 @@ pub struct VirtualClock {
 }
 
 impl VirtualClock {
-    /// Sets the time to `tick` and wakes everything that is due then.
+    /// Sets the time to `tick` and wakes all tasks due by then.
     ///
     /// # Panics
-    /// When `tick` has passed already.
+    /// If `tick` is in the past.
     pub fn advance_to(&self, tick: u64) {
         assert!(NOW.get().is_some_and(|now| now <= tick), "time does not run backwards");
         NOW.set(Some(tick));

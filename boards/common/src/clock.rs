@@ -1,5 +1,5 @@
-//! embassy-time's clock on a counter of 32 bits of microseconds, which comes round in 71 minutes. A program that stands still for less
-//! loses no time: a chip that erases the flash it runs from does for seconds.
+//! embassy-time's clock on a 32-bit microsecond counter, which wraps every 71 minutes. Stalls shorter than that lose no time: a
+//! chip stalls for seconds while it erases the flash that it runs from.
 
 use core::cell::RefCell;
 use core::task::Waker;
@@ -10,7 +10,7 @@ use embassy_time_queue_utils::Queue;
 
 const _: () = assert!(embassy_time_driver::TICK_HZ == 1_000_000, "a tick is a microsecond");
 
-/// Longest time between two alarms: far below the 71 minutes in which the counter comes round.
+/// Longest time between two alarms: far below the 71 minutes in which the counter wraps.
 const SLEEP_MAX_TICKS: u64 = 60_000_000;
 
 /// A chip's counter.
@@ -18,12 +18,12 @@ pub trait Counter {
     /// Microseconds since the start, modulo 2^32.
     fn count(&self) -> u32;
 
-    /// Calls [`Clock::on_alarm`] by interrupt in `ticks` microseconds, at least 1, and not when it was told before. A time that
-    /// has passed meanwhile is now.
+    /// Sets an interrupt that calls [`Clock::on_alarm`] in `ticks` microseconds, at least 1; replaces the previous alarm. If the
+    /// time passes meanwhile, the interrupt fires at once.
     fn set_alarm(&self, ticks: u32);
 }
 
-/// A clock on the counter `C`, to be given to `time_driver_impl!`.
+/// A clock on the counter `C`, for `time_driver_impl!`.
 pub struct Clock<C> {
     counter: C,
     state: CriticalSectionMutex<RefCell<State>>,
@@ -35,23 +35,23 @@ struct State {
 }
 
 impl<C: Counter> Clock<C> {
-    /// A clock that does not run yet.
+    /// A stopped clock.
     pub const fn new(counter: C) -> Self {
         let state = State { queue: Queue::new(), rounds: Rounds { last: 0, rounds: 0 } };
         Self { counter, state: CriticalSectionMutex::new(RefCell::new(state)) }
     }
 
-    /// Runs it: the counter counts.
+    /// Starts the clock; the counter must be running.
     pub fn start(&self) {
         self.on_alarm();
     }
 
-    /// Wakes what is due; to be called by the counter's interrupt.
+    /// Wakes all tasks that are due; called by the counter's interrupt.
     pub fn on_alarm(&self) {
         self.with(|queue, now| Some(queue.next_expiration(now)));
     }
 
-    /// Does `change`, and sets the alarm to the time that it gives.
+    /// Applies `change`, and sets the alarm to the time it returns.
     fn with(&self, change: impl FnOnce(&mut Queue, u64) -> Option<u64>) -> u64 {
         self.state.lock(|state| {
             let State { queue, rounds } = &mut *state.borrow_mut();
@@ -74,14 +74,14 @@ impl<C: Counter + Send + Sync + 'static> Driver for Clock<C> {
     }
 }
 
-/// How often the counter has come round.
+/// Extends the counter by the number of its wraps.
 struct Rounds {
     last: u32,
     rounds: u32,
 }
 
 impl Rounds {
-    /// The time when the counter reads `count`; asked for at least once in each round.
+    /// The time at counter value `count`; must be called at least once per wrap.
     fn now(&mut self, count: u32) -> u64 {
         self.rounds += u32::from(count < self.last);
         self.last = count;
@@ -120,7 +120,7 @@ mod tests {
         let clock = Clock::new(Chip::default());
         clock.start();
         let mut now = 0;
-        // A look each minute, an erase of two seconds, and half an hour in which nobody looked: three rounds and more.
+        // One reading per minute, an erase of two seconds, and half an hour without a reading: more than three wraps.
         for step in [60_000_000, 2_000_000, 1_800_000_000].into_iter().cycle().take(24) {
             now += step;
             clock.counter.count.store(now as u32, Relaxed);

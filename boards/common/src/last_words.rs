@@ -1,14 +1,14 @@
-//! What a firmware that ends by a fault has to say: kept in memory that a reset does not clear, read at the next start.
+//! The message of a firmware that died of a fault: kept in memory that survives a reset, read at the next start.
 
 use core::fmt::{self, Write};
 
 use crc::{CRC_32_ISO_HDLC, Crc, Table};
 
 const CRC: Crc<u32, Table<1>> = Crc::<u32, Table<1>>::new(&CRC_32_ISO_HDLC);
-/// Longest text; the rest is cut off.
+/// Longest text; longer ones are truncated.
 pub const WORDS_BYTES_MAX: usize = 160;
 
-/// A place for last words. Any content of its memory is a valid value, and after power-up it is any content.
+/// Storage for last words. Any memory content is a valid value; after power-up it is random.
 #[repr(C)]
 #[derive(Debug)]
 pub struct LastWords {
@@ -18,20 +18,20 @@ pub struct LastWords {
 }
 
 impl LastWords {
-    /// No words.
+    /// Empty.
     pub const fn new() -> Self {
         Self { length: 0, crc: 0, text: [0; WORDS_BYTES_MAX] }
     }
 
-    /// Keeps `words` for the next start.
+    /// Stores `words` for the next start.
     pub fn write(&mut self, words: fmt::Arguments<'_>) {
         self.length = 0;
-        // Cutting the text off is no error.
+        // Truncation is not an error.
         let _ = write!(Writer(self), "{words}");
         self.crc = self.sum();
     }
 
-    /// The words of the last run, once: they are forgotten.
+    /// Takes the words of the last run: the second call returns `None`.
     pub fn take(&mut self) -> Option<heapless::String<WORDS_BYTES_MAX>> {
         let kept = self.crc == self.sum() && self.length > 0;
         let words = kept.then(|| core::str::from_utf8(self.kept()).ok()?.try_into().ok()).flatten();
@@ -62,7 +62,7 @@ struct Writer<'a>(&'a mut LastWords);
 impl Write for Writer<'_> {
     fn write_str(&mut self, text: &str) -> fmt::Result {
         for character in text.chars() {
-            // Whole characters, one line.
+            // Whole characters only, on one line.
             let character = if character.is_control() { ' ' } else { character };
             let at = self.0.length as usize;
             let free = self.0.text.get_mut(at..at + character.len_utf8()).ok_or(fmt::Error)?;

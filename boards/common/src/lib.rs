@@ -1,7 +1,7 @@
-//! What the firmware of every board needs and no chip decides, so that it is tested on a host.
+//! Chip-independent parts of the boards' firmware, tested on a host.
 //!
-//! [`clock`] is embassy-time's, [`liveness`] says when the watchdog may be fed, [`last_words`] carry a panic's message over the reset, and
-//! [`ethernet_address`] makes an Ethernet address out of a chip's unique number.
+//! [`clock`] is the embassy-time driver, [`liveness`] decides when the watchdog may be fed, [`last_words`] carry a panic message
+//! over the reset, and [`ethernet_address`] derives an Ethernet address from a chip's unique number.
 #![no_std]
 #![forbid(unsafe_code)]
 
@@ -9,18 +9,18 @@ pub mod clock;
 pub mod last_words;
 pub mod liveness;
 
-/// An Ethernet address that only the chip with this unique number has: locally administered, for one station.
+/// A chip's Ethernet address, from its unique number: locally administered, unicast.
 ///
-/// A hash, because the unique numbers of two chips of one wafer differ in few bits. Two of a million boards share one of the
-/// 2^46 addresses with a probability of less than 1 %.
+/// A hash, because the unique numbers of chips from one wafer differ in few bits. Among a million boards, the probability that two
+/// share one of the 2^46 addresses is less than 1 %.
 pub fn ethernet_address(unique: &[u8]) -> [u8; 6] {
-    // FNV-1a with 64 bits.
+    // 64-bit FNV-1a.
     let hash = unique.iter().fold(0xcbf2_9ce4_8422_2325_u64, |hash, &byte| {
         (hash ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3)
     });
     let [first, rest @ .., _, _] = (hash ^ hash >> 32).to_be_bytes();
     let [b, c, d, e, f] = rest;
-    // IEEE 802: bit 1 of the first byte is "locally administered", bit 0 is "for a group".
+    // IEEE 802: bit 1 of the first byte is "locally administered", bit 0 is "group".
     [first & !1 | 2, b, c, d, e, f]
 }
 

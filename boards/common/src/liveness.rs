@@ -1,8 +1,8 @@
-//! Whether every task still makes progress, so that the watchdog is fed only then.
+//! Checks that every task still makes progress; the watchdog is fed only then.
 //!
-//! A task that waits for a request may wait for days, so progress is asked for: each task is woken now and then, and being
-//! polled is its response. What does not answer is stuck behind another task that never returns, has ended, or was
-//! never started. A task's `watch` is dropped or finished only when it has ended.
+//! An idle task may wait for days, so each task is woken now and then, and being polled counts as its answer. A task that does not
+//! answer is stuck behind one that never returns, has ended, or was never started. Drop or finish a task's `watch` only when the
+//! task has ended.
 
 use core::future::{Future, poll_fn};
 use core::pin::Pin;
@@ -10,7 +10,7 @@ use core::sync::atomic::{AtomicBool, Ordering};
 
 use embassy_sync::waitqueue::AtomicWaker;
 
-/// The tasks of a board, `N` of them.
+/// The `N` tasks of a board.
 pub struct Liveness<const N: usize>([Watched; N]);
 
 struct Watched {
@@ -19,14 +19,14 @@ struct Watched {
 }
 
 impl<const N: usize> Liveness<N> {
-    /// Nobody has answered yet.
+    /// No task has answered yet.
     pub const fn new() -> Self {
         Self([const { Watched { waker: AtomicWaker::new(), answered: AtomicBool::new(false) } }; N])
     }
 
-    /// Runs `future` as task number `task`. A number that there is not is never missed.
+    /// Runs `future` as task number `task`. An unknown number is not monitored.
     ///
-    /// The future is pinned by the caller: it would take its memory twice if it were moved in.
+    /// The caller pins the future: moving it in would take its memory twice.
     pub async fn watch<F: Future>(&self, task: usize, mut future: Pin<&mut F>) -> F::Output {
         let watched = self.0.get(task);
         poll_fn(|context| {
@@ -35,7 +35,7 @@ impl<const N: usize> Liveness<N> {
             }
             let output = future.as_mut().poll(context);
             if let Some(watched) = watched {
-                // Behind the poll: one that never comes back is no response, nor is the last one.
+                // After the poll: a poll that never returns is no answer, nor is the last one of a task that ends.
                 watched.answered.store(output.is_pending(), Ordering::Relaxed);
             }
             output
@@ -43,7 +43,7 @@ impl<const N: usize> Liveness<N> {
         .await
     }
 
-    /// Asks every task; the responses are there when each has had its turn.
+    /// Wakes every task; the answers are complete once each has been polled.
     pub fn ask(&self) {
         for watched in &self.0 {
             watched.answered.store(false, Ordering::Relaxed);
@@ -51,7 +51,7 @@ impl<const N: usize> Liveness<N> {
         }
     }
 
-    /// The first task that has not answered since it was asked.
+    /// The first task that has not answered since the last [`ask`](Self::ask).
     pub fn silent(&self) -> Option<usize> {
         self.0.iter().position(|watched| !watched.answered.load(Ordering::Relaxed))
     }
@@ -108,7 +108,7 @@ mod tests {
         let tasks = Liveness::<1>::new();
         let asked = async {
             tasks.ask();
-            // The other one has its turn, because it was woken.
+            // Lets the other one run, because it was woken.
             embassy_futures::yield_now().await;
             assert_eq!(tasks.silent(), None);
         };

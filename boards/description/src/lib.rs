@@ -1,7 +1,7 @@
-//! The gateway for configuration tools: its devices, and the modules that can be put into the slots of the modular ones.
+//! The ESI file for configuration tools: the gateway's devices, and the modules for the slots of the modular ones.
 //!
-//! Those are the slaves of the settings, and a catalogue of common ones. A tool tells modules apart by their ident, so what has the same
-//! process data as one before it has another variant of that.
+//! Modules are the slaves of the settings, followed by a catalogue of common ones. Tools tell modules apart by their ident, so a
+//! module with the same process data as an earlier one gets another variant of that ident.
 #![forbid(unsafe_code)]
 
 use std::fmt::{self, Display, Write};
@@ -20,30 +20,30 @@ const SLOTS: Slots = Slots {
     count: Module::SLOTS,
     index_step: Module::INDEX_STEP,
     pdo_step: 1,
-    // A slot without values is empty.
+    // Enables all slots; one without values counts as empty.
     start_up: &[Command { at: Address { index: 0x2000, sub: 1 }, value: Module::SLOTS as u64 }],
 };
 
-/// How many bits, and how many values in registers, modules of the catalogue have.
+/// Bits, and values in registers, of the catalogue's modules.
 const BITS: [u16; 4] = [8, 16, 32, 64];
 const VALUES: [u16; 6] = [1, 2, 4, 8, 16, 32];
-/// What values in registers are.
+/// Types of the values in registers.
 const TYPES: [ValueType; 5] =
     [ValueType::U16, ValueType::I16, ValueType::U32, ValueType::I32, ValueType::F32];
-/// The tables in the order in which PDOs have them.
+/// The tables in PDO order.
 const TABLES: [Kind; 4] = [Kind::Discrete, Kind::Coil, Kind::Input, Kind::Holding];
 
-/// Writes the ESI file of the gateway, with a module for each of `slaves` in front of the common ones.
+/// Writes the gateway's ESI file: a module for each of `slaves`, then the common ones.
 ///
 /// # Errors
-/// When a description does not fit into an EEPROM, or nothing can be written there.
+/// If a description does not fit an EEPROM, or `into` cannot be written.
 pub fn write_esi(slaves: &[SlaveSettings], into: &mut impl Write) -> Result<(), EsiError> {
     let modular = Some(SLOTS);
     let devices = [(&DEVICE, None), (&LONG_DEVICE, None), (&MODULAR, modular), (&LONG_MODULAR, modular)];
     esi::write_file(&devices, &modules(slaves), into)
 }
 
-/// Slaves of the settings that can be modules, then common ones.
+/// The slaves of the settings that can be modules, then the common ones.
 fn modules(slaves: &[SlaveSettings]) -> Vec<ModbusModule> {
     let set = slaves.iter().enumerate().map(|(nth, slave)| (*slave, Some(nth)));
     let common = catalogue().into_iter().map(|slave| (slave, None));
@@ -76,10 +76,10 @@ fn catalogue() -> Vec<SlaveSettings> {
     common
 }
 
-/// A module in the file.
+/// A module in the ESI file.
 struct ModbusModule {
     module: Module,
-    /// Which of the settings' slaves it is.
+    /// Index of the slave in the settings; `None` for the catalogue's.
     nth: Option<usize>,
     ident: u32,
 }
@@ -133,7 +133,7 @@ impl Display for ModbusModule {
     }
 }
 
-/// What a type is called in a controller (IEC 61131-3).
+/// The name of a type in IEC 61131-3.
 fn iec(value_type: ValueType) -> &'static str {
     match value_type {
         ValueType::Bit => "BOOL",

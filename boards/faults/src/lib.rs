@@ -1,6 +1,6 @@
-//! What a board with a Cortex-M says after a panic or a fault: written down, kept over the reset, shown by `show log`.
+//! What a Cortex-M board reports after a panic or a fault: recorded, kept over the reset, shown by `show log`.
 //!
-//! A board has the handlers of its own, which [`note`] why the run ends and start it again.
+//! Each board has its own handlers, which [`note`] the reason and restart it.
 #![no_std]
 
 use core::cell::UnsafeCell;
@@ -12,13 +12,13 @@ use cortex_m::peripheral::SCB;
 use cortex_m_rt::ExceptionFrame;
 use mobgate_board::last_words::{LastWords, WORDS_BYTES_MAX};
 
-/// CFSR.BFARVALID and CFSR.MMARVALID: the address whose access has failed is known (ARMv7-M architecture, B3.2.15).
+/// CFSR.BFARVALID and CFSR.MMARVALID: the address of the failed access is known (ARMv7-M architecture, B3.2.15).
 const BUS_ADDRESS_VALID: u32 = 1 << 15;
 const MEMORY_ADDRESS_VALID: u32 = 1 << 7;
 
 struct Kept(UnsafeCell<MaybeUninit<LastWords>>);
 
-// SAFETY: it is touched inside critical sections only, and in the fault handlers, behind which nothing comes.
+// SAFETY: accessed only inside critical sections and in the fault handlers, which never return.
 unsafe impl Sync for Kept {}
 
 /// In memory that neither a reset nor the start-up code clears.
@@ -26,31 +26,31 @@ unsafe impl Sync for Kept {}
 static LAST_WORDS: Kept = Kept(UnsafeCell::new(MaybeUninit::uninit()));
 
 fn with_last_words<R>(f: impl FnOnce(&mut LastWords) -> R) -> R {
-    // SAFETY: any content is a valid `LastWords`; see `Kept` for why nobody else has it.
+    // SAFETY: any content is a valid `LastWords`; see `Kept` for why access is exclusive.
     critical_section::with(|_| f(unsafe { (*LAST_WORDS.0.get()).assume_init_mut() }))
 }
 
-/// Pushes the last words into the memory cells, see [`note`].
+/// Written to flush the last words out of the ECC buffer, see [`note`].
 #[unsafe(link_section = ".uninit.PUSH")]
 static PUSH: AtomicU32 = AtomicU32::new(0);
 
-/// Writes down why the run ends, for the next start.
+/// Records why the run ends, for the next start.
 pub fn note(words: fmt::Arguments<'_>) {
     with_last_words(|last| last.write(words));
-    // The H7's memory corrects errors in words of 64 bits: half a word waits in a buffer for the next write to another one,
-    // and a reset would lose it (AN5342, 2.2).
+    // The H7's RAM has ECC over 64-bit words: half a word waits in a buffer until another word is written, and a reset would lose
+    // it (AN5342, 2.2).
     for _ in 0..2 {
         PUSH.store(0, Ordering::Relaxed);
         cortex_m::asm::dsb();
     }
 }
 
-/// What the last run wrote down, once.
+/// Takes the record of the last run.
 pub fn take() -> Option<heapless::String<WORDS_BYTES_MAX>> {
     with_last_words(LastWords::take)
 }
 
-/// A fault, as its handler finds it: where the program was, and what it touched.
+/// A fault as its handler sees it: where the program was, and the address it accessed.
 pub struct Fault<'f>(pub &'f ExceptionFrame);
 
 impl fmt::Display for Fault<'_> {

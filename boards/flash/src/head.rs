@@ -1,16 +1,16 @@
-//! The head: one small item of the map that says which copy of the text holds.
+//! The head: one small map item that says which copy of the text is valid.
 
 use crc::{CRC_32_ISO_HDLC, Crc, Table};
 
-/// The CRC over the whole text. A small table: this is computed at the start and at a save.
+/// CRC over the whole text. The small table suffices: it is computed only at start-up and when saving.
 pub(crate) static CRC: Crc<u32, Table<1>> = Crc::<u32, Table<1>>::new(&CRC_32_ISO_HDLC);
 
-/// Format of what this crate writes. A head with another number is left alone and reported.
+/// Format version. A head with another version is left alone and reported.
 const VERSION: u8 = 1;
 /// Bytes of a head.
 pub(crate) const HEAD_BYTES: usize = 10;
 
-/// Which copy holds, and what it must be.
+/// The valid copy, its length and its checksum.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Head {
     /// 0 or 1.
@@ -26,7 +26,7 @@ impl Head {
         [VERSION, self.copy, l0, l1, l2, l3, c0, c1, c2, c3]
     }
 
-    /// `None` when another version of the firmware wrote it.
+    /// `None` if another firmware version wrote it.
     pub(crate) fn from_bytes(bytes: &[u8]) -> Option<Self> {
         let &[VERSION, copy @ 0..=1, l0, l1, l2, l3, c0, c1, c2, c3] = bytes else { return None };
         let (length, crc) = (u32::from_le_bytes([l0, l1, l2, l3]), u32::from_le_bytes([c0, c1, c2, c3]));

@@ -1,20 +1,19 @@
-//! The settings' text in two sectors of NOR flash: after a power cut at any moment it is the old text or the new one.
+//! The settings' text in two sectors of NOR flash: after a power cut at any moment it is either the old text or the new one.
 //!
-//! Three layers, each with one task. [`sectors`] makes erasing atomic. On it stands a map of sequential-storage, which finds
-//! the newest value of a key, checks each with a CRC, and spreads the wear over both sectors. [`FlashStore`] keeps two copies
-//! of the text in the map as numbered pieces; a head says which one holds, how long it is and what its CRC is. A save writes
-//! the pieces of the other copy, reads them back, and then writes the head: that one item decides. [`shared`] lets several
-//! consoles use the store.
+//! Three layers. [`sectors`] makes erasing atomic. Above it, a map of sequential-storage finds the newest value of a key, checks
+//! each by CRC, and spreads the wear over both sectors. [`FlashStore`] keeps two copies of the text in the map as numbered pieces;
+//! a head says which one is valid, its length and its CRC. A save writes the pieces of the other copy, reads them back, and then
+//! writes the head: that single item commits. [`shared`] lets several consoles use the store.
 //!
 //! # What a save costs
 //!
-//! Settings of 2 KiB are 2 pieces and a head, so a sector takes some 60 saves before the other one is erased. Erasing takes
-//! as long as the chip says (1 s for 128 KiB is usual). Where the chip can run code meanwhile, all goes on. Where
-//! it cannot, every task stands still for that time: what arrives on serial lines waits in DMA buffers, what
-//! arrives on TCP is sent again by the peers, and timers that ran out see the bytes first.
+//! Settings of 2 KiB take 2 pieces and a head, so a sector takes some 60 saves before the other one is erased. Erasing takes as
+//! long as the chip says (1 s for 128 KiB is usual). Chips that can run code meanwhile carry on. On others, every task stalls for
+//! that time: bytes from serial lines wait in DMA buffers, TCP peers retransmit, and timers that expired during the stall see the
+//! received bytes first.
 //!
-//! Firmware upgrades leave the text alone, as long as the two sectors are no part of the image; a flash tool's full
-//! erase takes it away, and the gateway starts with its defaults.
+//! Firmware upgrades keep the text, as long as the two sectors are not part of the image. A flash tool's full erase deletes it, and
+//! the gateway starts with its defaults.
 #![no_std]
 #![forbid(unsafe_code)]
 

@@ -1,26 +1,26 @@
-//! Two flash sectors whose erasing is atomic: a sector that a power cut leaves half erased is erased again at the start.
+//! Two flash sectors with atomic erase: a sector left half erased by a power cut is erased again at start-up.
 //!
-//! A half erased sector may still look full, or empty, to whoever reads its first and last word, and sequential-storage does no
-//! more. So each sector begins with two marks that nobody above sees: `erased` is written when erasing has
-//! succeeded, `erasing` before the next one begins. A sector is good with the first and without the second. The marks
-//! lie side by side at the sector's beginning, so that an erase that runs from one end to the other takes `erased` before
-//! `erasing`, or `erasing` when all else is gone.
+//! By its first and last word, which is all that sequential-storage reads, a half-erased sector may still look full, or empty. So
+//! each sector begins with two marks, hidden from the layers above: `erased` is written after a successful erase, `erasing` before
+//! the next one begins. A sector is good if the first is set and the second is blank. The marks lie side by side at the sector's
+//! start, so an erase that runs from one end to the other clears `erased` before `erasing`, or clears `erasing` when all else is
+//! gone.
 
 use embedded_storage_async::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
 
-/// Bytes of a mark: a flash word of the chips with the longest one, and far more than bits that change by chance.
+/// Bytes of a mark: the longest flash word of any supported chip, and far more bits than could change by chance.
 const MARK_BYTES: usize = 32;
-/// Bytes at the beginning of each sector that the marks take.
+/// Bytes at the start of each sector taken by the marks.
 pub const MARKS_BYTES: usize = 2 * MARK_BYTES;
-/// Erasing has succeeded. Half of the bits are zero, so a sector that is all ones or all zeros does not show it.
+/// Erase succeeded. Half of the bits are zero, so neither an all-ones nor an all-zeros sector matches.
 const ERASED: [u8; MARK_BYTES] = *b"mobgate settings, sector erased\n";
-/// Erasing has begun, and what stands here is given up.
+/// Erase started: the sector's content is void.
 const ERASING: [u8; MARK_BYTES] = [0; MARK_BYTES];
 const BLANK: u8 = 0xff;
-/// Sectors used.
+/// Number of sectors.
 pub const SECTORS: u32 = 2;
 
-/// Two sectors of a flash as one that begins at 0, without the marks.
+/// Two sectors of a flash as one region that begins at 0, without the marks.
 #[derive(Debug)]
 pub struct Sectors<F> {
     flash: F,
@@ -28,7 +28,7 @@ pub struct Sectors<F> {
 }
 
 impl<F: NorFlash> Sectors<F> {
-    /// Bytes of a sector that are left.
+    /// Usable bytes of a sector.
     const SECTOR_BYTES: usize = F::ERASE_SIZE - MARKS_BYTES;
 
     /// The two sectors at `start` of `flash`.
@@ -38,7 +38,7 @@ impl<F: NorFlash> Sectors<F> {
         Self { flash, start }
     }
 
-    /// Erases what a power cut left half erased, and what was never used. It comes before all else.
+    /// Erases sectors that are half erased or were never used. Must be called before any other method.
     pub async fn prepare(&mut self) -> Result<(), F::Error> {
         for index in 0..SECTORS {
             let mut marks = [0; MARKS_BYTES];
@@ -50,12 +50,12 @@ impl<F: NorFlash> Sectors<F> {
         Ok(())
     }
 
-    /// Where the sector begins in the flash.
+    /// Flash address of the sector.
     const fn base(&self, index: u32) -> u32 {
         self.start + index * F::ERASE_SIZE as u32
     }
 
-    /// Where `offset` is in the flash. Accesses do not cross a sector's end, because those of the map do not.
+    /// Flash address of `offset`. Accesses do not cross a sector's end, because those of the map do not.
     const fn place(&self, offset: u32) -> u32 {
         let (index, within) = (offset / Self::SECTOR_BYTES as u32, offset % Self::SECTOR_BYTES as u32);
         self.base(index) + MARKS_BYTES as u32 + within
@@ -77,8 +77,8 @@ impl<F: NorFlash> ErrorType for Sectors<F> {
 }
 
 impl<F: NorFlash> ReadNorFlash for Sectors<F> {
-    // Whole flash words: the map judges whether a sector is open, full or empty by one read of this size, and one byte of a
-    // word whose writing was cut says less than all of them.
+    // Whole flash words: the map judges by one read of this size whether a sector is open, full or empty, and a single byte of a
+    // partially written word is less reliable than all of them.
     const READ_SIZE: usize = F::WRITE_SIZE;
 
     async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), F::Error> {
@@ -104,7 +104,7 @@ impl<F: NorFlash> NorFlash for Sectors<F> {
             let mark = self.base(index) + MARK_BYTES as u32;
             let mut there = [0; MARK_BYTES];
             self.flash.read(mark, &mut there).await?;
-            // After an erase that failed the mark stands; words with a checksum of their own must not be written twice.
+            // After a failed erase the mark is already set, and flash words with ECC must not be written twice.
             if there.iter().all(|&byte| byte == BLANK) {
                 self.flash.write(mark, &ERASING).await?;
             }

@@ -1,4 +1,4 @@
-//! One store for several consoles: whoever begins to save has it alone until the save ends.
+//! One store for several consoles: a save locks it until it ends.
 
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_sync::mutex::{Mutex, MutexGuard};
@@ -7,15 +7,15 @@ use mobgate::hal::{Store, StoreError};
 
 use crate::store::FlashStore;
 
-/// A console's handle of the store. Dropping it while a save runs forgets what was begun.
+/// A console's handle of the store. Dropping it during a save discards the unfinished version.
 pub struct SharedStore<'a, M: RawMutex, F: NorFlash> {
     store: &'a Mutex<M, FlashStore<F>>,
-    /// From the first append to the commit.
+    /// Held from the first append to the commit.
     saving: Option<MutexGuard<'a, M, FlashStore<F>>>,
 }
 
 impl<'a, M: RawMutex, F: NorFlash> SharedStore<'a, M, F> {
-    /// A handle of `store`.
+    /// Creates a handle of `store`.
     pub const fn new(store: &'a Mutex<M, FlashStore<F>>) -> Self {
         Self { store, saving: None }
     }
@@ -26,7 +26,7 @@ impl<'a, M: RawMutex, F: NorFlash> SharedStore<'a, M, F> {
         Self::new(self.store)
     }
 
-    /// The store for this handle alone, without what another one began and left.
+    /// Locks the store, and discards what another handle left unfinished.
     async fn alone(&mut self) -> MutexGuard<'a, M, FlashStore<F>> {
         match self.saving.take() {
             Some(guard) => guard,

@@ -1,4 +1,4 @@
-//! [`FlashStore`]: the text as numbered pieces in a map, two copies of it, and a head that says which one holds.
+//! [`FlashStore`]: two copies of the text as numbered pieces in a map, and a head that says which one is valid.
 
 use crc::{Digest, Table};
 use embedded_storage_async::nor_flash::NorFlash;
@@ -14,7 +14,8 @@ use sequential_storage::map::{MapConfig, MapStorage};
 use crate::head::{CRC, HEAD_BYTES, Head};
 use crate::sectors::{SECTORS, Sectors};
 
-/// Longest text that the language can produce: each port and rule is a line, and the network is one.
+/// Longest text: room for the network, all ports and all rules as lines of full length. The other lines share it; a longer text
+/// fails with [`StoreError::Full`].
 pub const TEXT_BYTES_MAX: usize = (PORTS_MAX + ROUTES_MAX + 1) * (LINE_BYTES_MAX + 1);
 
 /// Bytes of a piece. With its key it is a whole number of flash words.
@@ -24,7 +25,7 @@ const PIECES_MAX: usize = TEXT_BYTES_MAX.div_ceil(PIECE_BYTES);
 /// The head's key. A piece's key is its number and, in [`COPY_BIT`], its copy.
 const HEAD_KEY: u16 = u16::MAX;
 const COPY_BIT: u16 = 0x100;
-/// Both copies and the head.
+/// Keys of both copies and the head.
 const KEYS: usize = 2 * PIECES_MAX + 1;
 const _: () = assert!(PIECES_MAX < COPY_BIT as usize);
 
@@ -37,14 +38,14 @@ type Finder = Cache<
 
 type Map<F> = MapStorage<u16, Sectors<F>, Finder>;
 
-/// A map that has not looked yet where its items are.
+/// A map with an empty cache.
 fn map<F: NorFlash>(sectors: Sectors<F>) -> Map<F> {
     let finder = Cache::new(ArrayPageStates::new(), ArrayPagePointers::new(), ArrayKeyPointers::new());
     let config = const { MapConfig::new(0..SECTORS * <Sectors<F> as NorFlash>::ERASE_SIZE as u32) };
     MapStorage::new(sectors, config, finder)
 }
 
-/// Longest text that two sectors of `F` hold: both copies fit into one of them, because the other one is being erased.
+/// Longest text for two sectors of `F`: both copies must fit into one, because the other one is being erased.
 pub const fn text_bytes_max<F: NorFlash>() -> usize {
     let sector = <Sectors<F> as NorFlash>::ERASE_SIZE - 2 * F::WRITE_SIZE;
     let overhead = MapStorage::<u16, Sectors<F>, Finder>::item_overhead_size() as usize;
@@ -53,21 +54,21 @@ pub const fn text_bytes_max<F: NorFlash>() -> usize {
     if pieces < PIECES_MAX { pieces * PIECE_BYTES } else { TEXT_BYTES_MAX }
 }
 
-/// Keeps the settings in two sectors of `F`.
+/// Stores the settings in two sectors of `F`.
 pub struct FlashStore<F: NorFlash> {
-    /// Always there but while it is made anew.
+    /// `None` only while it is rebuilt.
     map: Option<Map<F>>,
-    /// What holds, or why nothing can be read.
+    /// The valid copy, or why nothing can be read.
     head: Result<Option<Head>, StoreError>,
-    /// Where the map puts an item together.
+    /// Scratch buffer of the map for one item.
     buffer: [u8; KEY_BYTES + PIECE_BYTES],
-    /// The text that is being written.
+    /// The version being written.
     next: Option<Next>,
-    /// The last piece of it.
+    /// Its last, incomplete piece.
     piece: [u8; PIECE_BYTES],
 }
 
-/// A text that is being written.
+/// A version being written.
 struct Next {
     copy: u8,
     length: usize,
@@ -75,8 +76,8 @@ struct Next {
 }
 
 impl<F: NorFlash> FlashStore<F> {
-    /// The store in the two sectors at `start` of `flash`. Finishes what a power cut interrupted. Of a flash that fails
-    /// there is nothing to be read, and nothing is written to it until the next start.
+    /// Opens the store in the two sectors at `start` of `flash`, and completes what a power cut interrupted. If the flash fails,
+    /// nothing is read or written until the next start.
     pub async fn open(flash: F, start: u32) -> Self {
         let mut sectors = Sectors::new(flash, start);
         let prepared = sectors.prepare().await;
@@ -93,12 +94,12 @@ impl<F: NorFlash> FlashStore<F> {
         store
     }
 
-    /// Forgets a version that was begun and not committed.
+    /// Discards an uncommitted version.
     pub fn forget(&mut self) {
         self.next = None;
     }
 
-    /// The head, if the whole text is as it says.
+    /// The head, if the text matches it.
     async fn find_head(&mut self) -> Result<Option<Head>, StoreError> {
         let map = self.map.as_mut().ok_or(StoreError::Failed)?;
         let found = map.fetch_item::<&[u8]>(&mut self.buffer, &HEAD_KEY).await.map_err(reason)?;
@@ -108,7 +109,7 @@ impl<F: NorFlash> FlashStore<F> {
         Ok(Some(head))
     }
 
-    /// Whether the pieces are there and are what the head says.
+    /// Checks the pieces against the head.
     async fn check(&mut self, head: &Head) -> Result<(), StoreError> {
         let length = head.length as usize;
         let mut digest = CRC.digest();
@@ -119,17 +120,17 @@ impl<F: NorFlash> FlashStore<F> {
         if digest.finalize() == head.crc { Ok(()) } else { Err(StoreError::Damaged) }
     }
 
-    /// A piece of a copy. The last one may be longer than what is left of its text.
+    /// A piece of a copy. The last one may be longer than the rest of its text.
     async fn piece(&mut self, copy: u8, number: usize) -> Result<&[u8], StoreError> {
         let map = self.map.as_mut().ok_or(StoreError::Failed)?;
         let found = map.fetch_item::<&[u8]>(&mut self.buffer, &key(copy, number)).await;
         found.map_err(reason)?.ok_or(StoreError::Damaged)
     }
 
-    /// The version to be written: in the copy that does not hold.
+    /// Starts a version in the copy that is not valid.
     async fn begin(&mut self) -> Result<Next, StoreError> {
         if self.head == Err(StoreError::Damaged) {
-            // Nothing can be read, so nothing is lost; and what is damaged might be in the way.
+            // Nothing is readable, so nothing is lost, and damaged items might be in the way.
             self.erase().await?;
             self.head = Ok(None);
         }
@@ -137,15 +138,14 @@ impl<F: NorFlash> FlashStore<F> {
         Ok(Next { copy: 1 - holds, length: 0, digest: CRC.digest() })
     }
 
-    /// Erases all. The map's own erasing does not forget where items were: what is written then would not be found at the next
-    /// start.
+    /// Erases everything. The map's own erase keeps its cache: items written afterwards would not be found at the next start.
     async fn erase(&mut self) -> Result<(), StoreError> {
         let erased = self.map.as_mut().ok_or(StoreError::Failed)?.erase_all().await;
         self.map = self.map.take().map(|old| map(old.destroy().0));
         erased.map_err(reason)
     }
 
-    /// Writes the last piece of `next`, which is `bytes` long.
+    /// Writes the last piece of `next`, of `bytes` bytes.
     async fn store_piece(&mut self, next: &Next, bytes: usize) -> Result<(), StoreError> {
         let piece = self.piece.get(..bytes).unwrap_or_default();
         let key = key(next.copy, (next.length - 1) / PIECE_BYTES);
@@ -153,7 +153,7 @@ impl<F: NorFlash> FlashStore<F> {
         map.store_item(&mut self.buffer, &key, &piece).await.map_err(reason)
     }
 
-    /// Adds `text` to `next`; whole pieces are written.
+    /// Appends `text` to `next`, and writes complete pieces.
     async fn extend(&mut self, next: &mut Next, mut text: &[u8]) -> Result<(), StoreError> {
         let bytes_max = text_bytes_max::<F>();
         if next.length + text.len() > bytes_max {
@@ -173,14 +173,14 @@ impl<F: NorFlash> FlashStore<F> {
         Ok(())
     }
 
-    /// Makes `next` hold: its last piece, a look at all of them, then the head.
+    /// Commits `next`: writes the last piece, reads all back, then writes the head.
     async fn finish(&mut self, next: Next) -> Result<Head, StoreError> {
         let rest = next.length % PIECE_BYTES;
         if rest > 0 {
             self.store_piece(&next, rest).await?;
         }
         let head = Head { copy: next.copy, length: next.length as u32, crc: next.digest.finalize() };
-        // What does not read back is the medium's fault; the old text still holds.
+        // A failed read-back is the medium's fault; the old text is still valid.
         self.check(&head).await.map_err(|_| StoreError::Failed)?;
         let map = self.map.as_mut().ok_or(StoreError::Failed)?;
         map.store_item(&mut self.buffer, &HEAD_KEY, &head.to_bytes().as_slice()).await.map_err(reason)?;
@@ -203,7 +203,7 @@ impl<F: NorFlash> Store for FlashStore<F> {
     }
 
     async fn append(&mut self, text: &[u8]) -> Result<(), StoreError> {
-        // After an error it stays taken: the version is forgotten.
+        // After an error it stays `None`, which discards the version.
         let mut next = match self.next.take() {
             Some(next) => next,
             None => self.begin().await?,
@@ -221,7 +221,7 @@ impl<F: NorFlash> Store for FlashStore<F> {
         match self.finish(next).await {
             Ok(head) => self.head = Ok(Some(head)),
             Err(error) => {
-                // The head may have been written or not.
+                // The head may or may not have been written.
                 self.head = self.find_head().await;
                 return Err(error);
             }

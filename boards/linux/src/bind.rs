@@ -1,4 +1,4 @@
-//! Sockets at one of the machine's addresses, or at all of them.
+//! Binds sockets to one of the machine's addresses, or to all of them.
 
 use std::io;
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
@@ -12,7 +12,7 @@ use socket2::{Domain, Protocol, Socket, Type};
 use crate::descriptor::Descriptor;
 use crate::hint;
 
-/// What `bind` makes at `listen`; without an address at every one, by IPv6 and IPv4 where the system has both.
+/// Calls `bind` for `listen`. Without an address, binds to all: IPv6 and IPv4, or IPv4 where the system has no IPv6.
 pub(crate) fn at<S: AsFd>(
     listen: &TcpListen,
     bind: impl Fn(SocketAddr) -> io::Result<S>,
@@ -33,7 +33,7 @@ pub(crate) fn at<S: AsFd>(
     bound.and_then(Descriptor::new).map_err(|error| refusal(&error))
 }
 
-/// A socket to be bound to `at`; if that is every address by IPv6, then by IPv4 too.
+/// A socket for `at`. The IPv6 wildcard address takes IPv4, too.
 pub(crate) fn socket(at: SocketAddr, kind: Type, protocol: Protocol) -> io::Result<Socket> {
     let socket = Socket::new(Domain::for_address(at), kind, Some(protocol))?;
     if at.ip() == IpAddr::V6(Ipv6Addr::UNSPECIFIED) {
@@ -42,7 +42,7 @@ pub(crate) fn socket(at: SocketAddr, kind: Type, protocol: Protocol) -> io::Resu
     Ok(socket)
 }
 
-/// What a system error means for the user.
+/// Maps a system error to the user's.
 fn refusal(error: &io::Error) -> OpenError {
     let (kind, hint) = match Errno::from_io_error(error) {
         Some(Errno::ACCESS | Errno::PERM) => (OpenErrorKind::Denied, hint::port_denied()),

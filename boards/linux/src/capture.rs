@@ -1,6 +1,6 @@
-//! Frames into a PCAPNG file, as they come, from the start on or when the console says so.
+//! Writes frames to a PCAPNG file as they arrive, from the start or on the console's command.
 //!
-//! A pipe will do as well: `mobgate --capture >(wireshark -k -i -)`. Who reads it slowly stops the file, not the gateway.
+//! A pipe works as well: `mobgate --capture >(wireshark -k -i -)`. A slow reader stalls the file, not the gateway.
 
 use std::convert::Infallible;
 use std::fs::File;
@@ -19,18 +19,18 @@ use mobgate::hal::{OpenError, OpenErrorKind};
 
 use crate::sink::Sink;
 
-/// How often the ring is emptied: what a busy line brings meanwhile fits into it.
+/// Interval at which the ring is emptied; a busy line does not fill it in this time.
 const PAUSE: Duration = Duration::from_millis(10);
 
-/// The file that is wanted next, or none.
+/// The file requested next; `None` ends the capture.
 pub type Wanted = Signal<CriticalSectionRawMutex, Option<File>>;
 
-/// Opens the file, new or anew.
+/// Creates or truncates the file.
 pub fn create(path: &Path) -> Result<File, String> {
     File::create(path).map_err(|error| format!("{}: {error}", path.display()))
 }
 
-/// Opens a new file for somebody at a console, who may be anybody on this machine: none is written over.
+/// Creates a file for a console session, which may belong to anybody on this machine: never overwrites one.
 pub fn create_new(path: &str) -> Result<File, OpenError> {
     File::create_new(path).map_err(|error| match error.kind() {
         io::ErrorKind::NotFound => OpenError::new(OpenErrorKind::NotFound, "no such folder"),
@@ -40,7 +40,7 @@ pub fn create_new(path: &str) -> Result<File, OpenError> {
     })
 }
 
-/// Writes what comes into the file that is `wanted`, for ever.
+/// Writes frames into the `wanted` file; never returns.
 pub async fn run(gateway: &Gateway<'_>, wanted: &Wanted) {
     let mut file = None;
     loop {
@@ -67,8 +67,8 @@ async fn write(gateway: &Gateway<'_>, file: File) -> io::Result<Infallible> {
     }
 }
 
-/// When the gateway's clock began, in microseconds since the year 1970 did.
-// The one place that tells people a time of day: what frames in a capture are marked with.
+/// The gateway's start in microseconds since 1970.
+// Wall-clock time is used only for the time stamps in captures.
 #[allow(clippy::disallowed_methods)]
 pub fn epoch_us() -> u64 {
     let now = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_micros() as u64);

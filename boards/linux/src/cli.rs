@@ -11,7 +11,7 @@ use mobgate::settings::TcpListen;
 
 use crate::demo;
 
-/// Where the console listens on a port without an address.
+/// Address of a console port given without one.
 const THIS_MACHINE: IpAddr = IpAddr::V4(Ipv4Addr::LOCALHOST);
 
 const EXAMPLES: &str = "\
@@ -35,7 +35,7 @@ Exit codes: 0 ended by a signal, or the checked file is good;
 1 bad configuration, or a port cannot be opened; 2 bad command line.";
 
 /// A Modbus gateway: clients on TCP, devices on serial lines, and rules between.
-// The demo is a feature.
+// The demo is optional.
 #[cfg_attr(feature = "demo", doc = "\nWithout options the demo runs.")]
 #[derive(Debug, Parser)]
 #[command(
@@ -46,7 +46,7 @@ Exit codes: 0 ended by a signal, or the checked file is good;
     args_conflicts_with_subcommands = true
 )]
 pub struct Options {
-    /// Something else than running the gateway
+    /// What to do instead of running the gateway
     #[command(subcommand)]
     pub instead: Option<Instead>,
 
@@ -54,7 +54,7 @@ pub struct Options {
     #[arg(long, value_name = "FILE")]
     pub config: Option<PathBuf>,
 
-    /// The demo's, where there is one
+    /// The demo's options, if it is built in
     #[command(flatten)]
     pub demo: demo::Choice,
 
@@ -84,7 +84,7 @@ pub struct Options {
     pub console: Option<ConsolePort>,
 }
 
-/// What is done instead of running the gateway.
+/// What to do instead of running the gateway.
 #[derive(Debug, Subcommand)]
 pub enum Instead {
     /// Join the console of the running gateway, or run LINE there
@@ -99,7 +99,7 @@ pub enum Instead {
     Make(Make),
 }
 
-/// Which console is joined, and what for.
+/// The console to join, and the line to run.
 #[derive(Debug, Args)]
 pub struct Join {
     /// The gateway's socket, if it is not at one of the places by default
@@ -111,7 +111,7 @@ pub struct Join {
     pub line: Vec<String>,
 }
 
-/// Files that say what the gateway is as an EtherCAT SubDevice.
+/// The description files of the EtherCAT SubDevice.
 #[derive(Debug, Subcommand)]
 pub enum Make {
     /// Write the EEPROM image of the EtherCAT controller (SII) to FILE
@@ -133,12 +133,12 @@ pub enum Make {
 }
 
 impl Options {
-    /// Those of the command line, or the end of the program with what is wrong with it.
+    /// Parses the command line; exits with an error if it is invalid.
     pub fn of_command_line() -> Self {
         Self::try_parse().unwrap_or_else(|error| Self::lead_on(error).exit())
     }
 
-    /// Says of a file that stands where a command belongs how it is meant.
+    /// Explains how to pass a settings file if one was given in place of a command.
     fn lead_on(error: clap::Error) -> clap::Error {
         match error.get(ContextKind::InvalidSubcommand) {
             Some(ContextValue::String(word)) if word.contains(['.', '/']) || Path::new(word).exists() => {
@@ -150,10 +150,10 @@ impl Options {
     }
 }
 
-/// Where the console's socket is, if at all.
+/// The path of the console's socket, if there is one.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum SocketPlace {
-    /// There is none.
+    /// No socket.
     Off,
     /// At this path.
     At(PathBuf),
@@ -167,7 +167,7 @@ impl FromStr for SocketPlace {
     }
 }
 
-/// Where the console listens by TCP, if at all. A bare port number is one of this machine only.
+/// TCP address of the console, if it has one. A bare port number means this machine only.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ConsolePort(pub Option<TcpListen>);
 
@@ -183,7 +183,7 @@ impl FromStr for ConsolePort {
     }
 }
 
-/// `5020`, `127.0.0.1:5020`, `[::1]:5020`.
+/// Parses `5020`, `127.0.0.1:5020` or `[::1]:5020`.
 fn listen(text: &str) -> Result<TcpListen, String> {
     let parsed = match text.parse::<u16>() {
         Ok(port) => TcpListen { address: None, port },

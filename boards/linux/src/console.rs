@@ -1,6 +1,6 @@
-//! The console's sessions: on standard input and output, on a socket of this machine, and on a TCP port if one is wanted.
+//! The console's sessions: on standard input and output, on a Unix socket, and on an optional TCP port.
 //!
-//! A connection to the socket or the port is a [`Guest`], who gets one of the places of [`Sessions`].
+//! A connection to the socket or the port is a [`Guest`], which gets one of the [`Sessions`].
 
 use std::fmt::Display;
 use std::net::IpAddr;
@@ -28,11 +28,11 @@ pub mod socket;
 pub use guest::Guest;
 pub use sessions::{SESSIONS_MAX, Sessions};
 
-/// Pause after a connection could not be accepted.
+/// Pause after a failed accept.
 const ACCEPT_PAUSE: Duration = Duration::from_secs(1);
 
-/// Serves standard input until its end, as a terminal or as lines of text. At the end of the input (`/dev/null`, a
-/// service) the console ends and the gateway goes on. True when the user wants the program to end.
+/// Serves standard input as a terminal or as lines of text until its end. Then (`/dev/null`, a service) the console ends and the
+/// gateway continues. Returns true if the user wants the program to end.
 pub async fn on_stdio(gateway: &Gateway<'_>, mut store: FileStore, system: &impl System) -> bool {
     let mut stdio = match Stdio::open() {
         Ok(stdio) => stdio,
@@ -48,12 +48,12 @@ pub async fn on_stdio(gateway: &Gateway<'_>, mut store: FileStore, system: &impl
             Ok(_) if mode == Mode::Foreground && !stdio.has_ended() => {}
             _ => return false,
         }
-        // The user typed `exit`. There is nowhere to go to, and the terminal stays raw.
+        // The user typed `exit`, but there is no shell to return to, and the terminal stays raw.
         log::info!("the gateway goes on; Ctrl-C, on an empty line and once more, stops it");
     }
 }
 
-/// Admits whoever comes to the TCP port at `listen`, for ever.
+/// Accepts connections to the TCP port at `listen`; never returns.
 pub async fn on_tcp(sessions: &Sessions, mut sockets: TcpSockets, listen: TcpListen) {
     admit(sessions, &format!("TCP port {listen}"), async || {
         let (stream, peer) = sockets.accept(&listen).await?;
@@ -62,13 +62,13 @@ pub async fn on_tcp(sessions: &Sessions, mut sockets: TcpSockets, listen: TcpLis
     .await
 }
 
-/// Admits whoever comes to the socket and may, for ever.
+/// Accepts authorised connections to the socket; never returns.
 pub async fn on_socket(sessions: &Sessions, mut listener: socket::Listener) {
     let name = listener.to_string();
     admit(sessions, &name, async || listener.accept().await).await
 }
 
-/// Admits every guest that `next` gives at the `place` of that name.
+/// Admits every guest from `next`; `place` names the listener in the log.
 async fn admit<E: Display>(
     sessions: &Sessions,
     place: &str,
@@ -85,7 +85,7 @@ async fn admit<E: Display>(
     }
 }
 
-/// Opens the console's TCP port, if one is wanted.
+/// Opens the console's TCP port, if there is one.
 pub fn open_tcp(
     wanted: Option<ConsolePort>,
     sockets: &TcpSockets,

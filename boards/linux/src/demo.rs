@@ -1,6 +1,6 @@
 //! The demo: an RS-485 bus inside the program, with three devices that respond at the speed of a real line.
 //!
-//! The wire and the devices are the simulator's, on the wall clock. Without the feature `demo` no_demo.rs stands here.
+//! The wire and the devices are the simulator's, on the wall clock. no_demo.rs replaces this file without the feature `demo`.
 
 use std::f32::consts::TAU;
 use std::fmt::Write as _;
@@ -22,30 +22,30 @@ mod lines;
 
 pub use lines::{Line, Lines};
 
-/// Command lines that the demo adds to the examples.
+/// The demo's part of the command line examples.
 pub(crate) const EXAMPLES: &str = "  mobgate                              the demo: simulated devices behind
                                        Modbus TCP port 502 or 5020
   mobgate --demo ethercat              the same as an EtherCAT SubDevice as well
 ";
 
-/// The bus's name among the serial devices.
+/// Name of the bus as a serial device.
 const DEVICE: &str = "demo";
-/// Ports that the demo tries when the user names none: Modbus TCP's own, and one that needs no privilege.
+/// TCP ports to try if the user names none: the standard one, and one that needs no privilege.
 const TCP_PORTS: [u16; 2] = [502, 5020];
 
-/// The network interface at which the demo is an EtherCAT SubDevice when the user names none.
+/// Default network interface of the EtherCAT SubDevice.
 const INTERFACE: &str = "ecat1";
-/// The other end of the cable that leads there.
+/// The other end of the virtual cable.
 const OTHER_END: &str = "ecat0";
 
-/// The slow device thinks that long.
+/// Response time of the slow device.
 const SLOW: Duration = Duration::from_millis(300);
-/// How often the meter measures.
+/// Update interval of the meter.
 const MEASURE_EVERY: Duration = Duration::from_millis(200);
 
 /// Unit 1, a meter.
 const METER: u8 = 1;
-/// Unit 2, a board with eight relays, all off at first.
+/// Unit 2, a board with eight relays, initially off.
 const RELAYS: u8 = 2;
 /// Unit 3, slow.
 const LAZY: u8 = 3;
@@ -61,12 +61,12 @@ pub struct Choice {
 }
 
 impl Choice {
-    /// Whether it comes with settings of its own, besides a file's.
+    /// Whether the demo brings its own settings, in place of a file's.
     pub(crate) fn has_settings(&self) -> bool {
         self.interface().is_some()
     }
 
-    /// The network interface of its EtherCAT SubDevice.
+    /// The network interface of the EtherCAT SubDevice.
     fn interface(&self) -> Option<&str> {
         match &self.demo {
             Some(DemoKind::Ethercat(name)) => Some(name.as_str()),
@@ -75,7 +75,7 @@ impl Choice {
     }
 }
 
-/// What the demo shows.
+/// What to demonstrate.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum DemoKind {
     /// Devices behind Modbus TCP.
@@ -100,17 +100,17 @@ impl FromStr for DemoKind {
     }
 }
 
-/// Whether the demo can be had with these options here.
+/// Checks whether the demo can run here with these options.
 pub(crate) fn check(options: &Options) -> Result<(), String> {
     if options.config.is_some() {
         return Err("--demo ethercat has its own settings: start it without --config".to_owned());
     }
     let Some(name) = options.demo.interface() else { return Ok(()) };
-    // Who asked for it counts on it.
+    // An explicit request must not fail silently later.
     ethercat::check(name).map_err(|fault| format!("--demo ethercat: {fault}\n{}", ethercat_needs(name)))
 }
 
-/// The demo's settings, on the first of its TCP ports that may be opened.
+/// The demo's settings, on the first of its TCP ports that can be opened.
 pub(crate) fn start(options: &Options, sockets: &TcpSockets) -> Result<Start, String> {
     let Options { demo, listen, .. } = options;
     let interface = demo.interface();
@@ -132,12 +132,12 @@ pub(crate) fn start(options: &Options, sockets: &TcpSockets) -> Result<Start, St
     Err(faults.join("; "))
 }
 
-/// Starts the demo's devices where they are wanted, by name or because nothing else is; gives what ports open serial lines by.
+/// Starts the demo's devices if requested, or if there is no configuration; returns the host of the serial lines.
 pub fn spawn(options: &Options, spawner: Spawner) -> Lines {
     let wanted = options.demo.demo.is_some() || options.config.is_none();
     let demo = wanted.then(Demo::default);
     let lines = Lines { demo: demo.as_ref().map(Demo::serial) };
-    // Spawned once: the slot of the task is free.
+    // Spawned once: the task slot is free.
     demo.into_iter().for_each(|demo| spawner.spawn(devices(demo).unwrap()));
     lines
 }
@@ -169,12 +169,12 @@ impl Default for Demo {
 }
 
 impl Demo {
-    /// A serial host whose device [`DEVICE`] is the gateway's end of the bus.
+    /// A serial host with the gateway's end of the bus as device [`DEVICE`].
     fn serial(&self) -> SimSerial {
         SimSerial::new().with(DEVICE, &self.host)
     }
 
-    /// Lets the devices live, for ever.
+    /// Runs the devices; never returns.
     async fn run(self) {
         let Self { devices, meter, relays, lazy, .. } = self;
         let living = serve(devices, vec![meter.clone(), relays, lazy]);
@@ -182,7 +182,7 @@ impl Demo {
     }
 }
 
-/// Keeps the meter's registers moving, in the input and in the holding table.
+/// Updates the meter's input and holding registers.
 async fn measure(meter: Device) {
     let mut energy_kwh = 1_234.5;
     loop {
@@ -206,13 +206,13 @@ fn show(meter: &Device, values: &[f32]) {
     }
 }
 
-/// A float's two registers, the high word first as most meters have it.
+/// The two registers of a float, high word first as in most meters.
 fn words(value: f32) -> [u16; 2] {
     let bits = value.to_bits();
     [(bits >> 16) as u16, bits as u16]
 }
 
-/// The demo's settings: all units behind the bus, for clients of a TCP server at `listen`.
+/// The demo's settings: forwards all units from a TCP server at `listen` to the bus.
 fn settings_text(listen: &TcpListen) -> String {
     let TcpListen { port, .. } = listen;
     format!(
@@ -223,7 +223,7 @@ fn settings_text(listen: &TcpListen) -> String {
     )
 }
 
-/// The settings that make it an EtherCAT SubDevice as well: the meter and the relays are in the process image.
+/// Additional settings for the EtherCAT SubDevice: the meter and the relays are in the process image.
 fn ethercat_settings(interface: &str) -> String {
     format!(
         "port ecat ethercat interface {interface}\n\
@@ -233,7 +233,7 @@ fn ethercat_settings(interface: &str) -> String {
     )
 }
 
-/// What it takes to be an EtherCAT SubDevice at `interface`.
+/// Explains the requirements of an EtherCAT SubDevice at `interface`.
 fn ethercat_needs(interface: &str) -> String {
     let mut text =
         "It needs an Ethernet interface that is up, and the right to open a raw socket there.".to_owned();
@@ -248,7 +248,7 @@ fn ethercat_needs(interface: &str) -> String {
     text
 }
 
-/// What to type at the MainDevice's end of the cable.
+/// Suggests commands for the MainDevice's end of the cable.
 fn ethercat_invitation(interface: &str) -> String {
     let master = if interface == INTERFACE { OTHER_END } else { "INTERFACE" };
     format!(
@@ -259,7 +259,7 @@ fn ethercat_invitation(interface: &str) -> String {
     )
 }
 
-/// What to type into another terminal.
+/// Suggests commands for another terminal.
 fn invitation(listen: &TcpListen) -> String {
     let host = match listen.address {
         Some(address) if !address.is_unspecified() => address.to_string(),

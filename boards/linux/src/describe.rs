@@ -1,4 +1,4 @@
-//! `mobgate sii` and `mobgate esi`: the gateway's description as an EtherCAT SubDevice, into a file.
+//! `mobgate sii` and `mobgate esi`: writes the gateway's description as an EtherCAT SubDevice to a file.
 
 use std::fs;
 use std::path::Path;
@@ -11,7 +11,7 @@ use mobgate_description::write_esi;
 use crate::cli::Make;
 use crate::settings;
 
-/// Writes the file that was asked for.
+/// Writes the requested file.
 pub fn write(make: &Make) -> Result<(), String> {
     let (file, content) = match make {
         Make::Sii { modules, file } => {

@@ -1,4 +1,4 @@
-//! A non-blocking descriptor that one task reads and writes.
+//! A non-blocking descriptor for one reading and writing task.
 
 use std::future::poll_fn;
 use std::io;
@@ -10,14 +10,14 @@ use rustix::io::ioctl_fionbio;
 
 use crate::reactor::{Direction, Registration};
 
-/// Operations that may succeed at once, one after the other, before other tasks run. Embassy's tasks are cooperative, and an
-/// operation on a ready descriptor never suspends, so that a babbling line would stop every other one.
+/// Most operations in a row before other tasks run. Embassy's tasks are cooperative, and an operation on a ready descriptor never
+/// suspends, so a babbling line would block all others.
 const TURNS_MAX: u8 = 32;
 
-/// To be left alone and watched again costs two system calls, about as much as to be woken twice.
+/// Muting and unmuting costs two system calls, about as much as two wake-ups.
 const REST_MIN: Duration = Duration::from_micros(100);
 
-/// An open descriptor with its reader and its writer.
+/// An open descriptor, registered for reading and writing.
 #[derive(Debug)]
 pub(crate) struct Descriptor<T: AsFd> {
     io: T,
@@ -37,7 +37,7 @@ impl<T: AsFd> Descriptor<T> {
         &self.io
     }
 
-    /// Calls `read` until it does not have to wait. A dropped future has read nothing.
+    /// Calls `read` until it does not block. A dropped future has read nothing.
     pub(crate) fn read_with<R>(
         &mut self,
         mut read: impl FnMut(&T) -> io::Result<R>,
@@ -45,8 +45,8 @@ impl<T: AsFd> Descriptor<T> {
         poll_fn(move |context| self.poll_read(context, &mut read))
     }
 
-    /// Reads from a stream socket or a tty into `buffer`. Fewer bytes than asked for mean that there are no more for now
-    /// (epoll(7)), so the next read waits for an event instead of being refused by the kernel.
+    /// Reads from a stream socket or a tty into `buffer`. A short read means that the input is drained (epoll(7)), so the next read
+    /// waits for an event and saves the EAGAIN.
     pub(crate) fn read_stream(
         &mut self,
         buffer: &mut [u8],
@@ -62,7 +62,7 @@ impl<T: AsFd> Descriptor<T> {
         })
     }
 
-    /// Sleeps until `until` without being woken by what comes meanwhile, if that is worth it.
+    /// Sleeps until `until` without wake-ups by arriving data, if the time is long enough; returns whether it slept.
     pub(crate) async fn rest(&mut self, until: Instant) -> bool {
         let sleeps = until >= Instant::now() + REST_MIN && self.registration.mute(&self.io).is_ok();
         if sleeps {
@@ -71,7 +71,7 @@ impl<T: AsFd> Descriptor<T> {
         sleeps
     }
 
-    /// Calls `write` until it does not have to wait. A dropped future has written nothing.
+    /// Calls `write` until it does not block. A dropped future has written nothing.
     pub(crate) async fn write_with<R>(
         &mut self,
         mut write: impl FnMut(&T) -> io::Result<R>,
@@ -98,7 +98,7 @@ impl<T: AsFd> Descriptor<T> {
         self.operate(context, Registration::reading, read, |registration, io| registration.unmute(io))
     }
 
-    /// Calls `operation` whenever its direction is ready, until it does not have to wait; `blocked` each time that it would.
+    /// Calls `operation` whenever its direction is ready, until it does not block; calls `blocked` each time it does.
     fn operate<R>(
         &mut self,
         context: &Context<'_>,

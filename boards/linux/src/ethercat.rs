@@ -1,8 +1,8 @@
-//! The gateway as an EtherCAT SubDevice at a network interface: a controller in software, which the frames of that interface pass.
+//! The gateway as an EtherCAT SubDevice at a network interface, with a software controller that processes the interface's frames.
 //!
-//! A frame takes this way: epoll, [`reactor`](crate::reactor), `pass_frames`, through the controller, and back out of the
-//! interface. What it brought wakes the SubDevice, which reaches the controller directly. To it an interface that is missing,
-//! or goes away, is a chip that does not answer: it is looked for until it does.
+//! The path of a frame: epoll, [`reactor`](crate::reactor), `pass_frames`, through the controller, and back out of the interface.
+//! Its effects wake the SubDevice, which accesses the controller directly. To the SubDevice a missing or lost interface is a chip
+//! that does not answer: it retries until it does.
 
 use std::cell::Cell;
 use std::io::{self, ErrorKind};
@@ -26,7 +26,7 @@ use rustix::io::Errno;
 use crate::descriptor::Descriptor;
 use crate::hint;
 
-/// Runs the SubDevice whenever the settings of `gateway` name a network interface for it, for ever.
+/// Runs the SubDevice while the settings of `gateway` name a network interface for it; never returns.
 pub async fn run(gateway: &Gateway<'_>, place: &EthercatState) -> ! {
     let link = Link {
         gateway,
@@ -38,7 +38,7 @@ pub async fn run(gateway: &Gateway<'_>, place: &EthercatState) -> ! {
     };
     let mut interrupt = Interrupt::new(link.chip.clone());
     let attention = async || {
-        // Of an infallible line.
+        // The line is infallible.
         let _ = select(interrupt.wait_for_high(), link.lost.wait()).await;
     };
     let controller = Controller { link: &link, pdi: DirectPdi::new(link.chip.clone()) };
@@ -46,34 +46,34 @@ pub async fn run(gateway: &Gateway<'_>, place: &EthercatState) -> ! {
     never
 }
 
-/// Whether a SubDevice can be at the interface called `name` now; or why not, and what to do about it.
+/// Whether a SubDevice can run at interface `name`; if not, why and what to do.
 pub fn check(name: &str) -> Result<(), &'static str> {
     Interface::open(name).map(|_| ()).map_err(|error| reason(name, &error))
 }
 
-/// The controller of the gateway, whose EEPROM says what it is.
+/// The gateway's controller; its EEPROM describes the device.
 fn controller_of(modules: bool) -> Chip {
-    // The description is the same for ever, and a test reads it back.
+    // The description is constant and covered by a test that reads it back.
     Chip::with_sii(Kind::IP_CORE, long_device(modules))
 }
 
-/// Before the first look.
+/// Initial fault.
 const NOT_OPEN: EscError = EscError::Unreachable("not opened yet");
 
-/// The controller with the network interface that leads to it.
+/// The controller and its network interface.
 struct Link<'g> {
     gateway: &'g Gateway<'g>,
     chip: SharedChip,
-    /// Whether its EEPROM says that the gateway is a modular device.
+    /// Whether the EEPROM describes the modular device.
     modules: Cell<bool>,
-    /// Why no frame can come; none while the interface is open.
+    /// Why no frames arrive; `None` while the interface is open.
     fault: Cell<Option<EscError>>,
     opened: Signal<NoopRawMutex, (InterfaceName, Descriptor<Interface>)>,
     lost: Signal<NoopRawMutex, ()>,
 }
 
 impl Link<'_> {
-    /// The interface that the settings name, as soon as they do.
+    /// Waits for the settings to name an interface.
     async fn named(&self) -> InterfaceName {
         loop {
             if let Some(name) = self.gateway.ethercat_interface() {
@@ -83,7 +83,7 @@ impl Link<'_> {
         }
     }
 
-    /// Opens the interface, with a controller that has just been switched on.
+    /// Opens the interface, and resets the controller.
     async fn open(&self) -> Result<(), EscError> {
         let name = self.named().await;
         let opened = Interface::open(&name).and_then(|interface| Ok(Descriptor::new(interface)?));
@@ -101,7 +101,7 @@ impl Link<'_> {
         fault.map_or(Ok(()), Err)
     }
 
-    /// Carries frames whenever the interface is open, for ever.
+    /// Carries frames whenever the interface is open; never returns.
     async fn carry(&self) {
         loop {
             let (name, interface) = self.opened.wait().await;
@@ -123,7 +123,7 @@ impl Link<'_> {
         }
     }
 
-    /// Lets the frames that come at `interface` pass the controller, until it breaks.
+    /// Passes frames from `interface` through the controller until an error.
     async fn pass_frames(&self, mut interface: Descriptor<Interface>) -> io::Error {
         let mut frame = [0; FRAME_BYTES_MAX];
         loop {
@@ -138,7 +138,7 @@ impl Link<'_> {
                 && let Err(error) = interface.write_with(|interface| interface.send(frame)).await
             {
                 match Errno::from_io_error(&error) {
-                    // A lost frame is the MainDevice's to notice.
+                    // The MainDevice detects lost frames.
                     Some(Errno::NOBUFS) => self.count(Event::Discarded),
                     _ => return error,
                 }
@@ -146,7 +146,7 @@ impl Link<'_> {
         }
     }
 
-    /// Counts at the EtherCAT port.
+    /// Counts an event at the EtherCAT port.
     fn count(&self, event: Event) {
         let is_ethercat = |kind: &PortKind| matches!(kind, PortKind::Ethercat(_));
         let port = self.gateway.settings(|settings| {
@@ -158,7 +158,7 @@ impl Link<'_> {
     }
 }
 
-/// The controller as the SubDevice reaches it.
+/// The SubDevice's access to the controller.
 struct Controller<'l> {
     link: &'l Link<'l>,
     pdi: DirectPdi,
@@ -194,7 +194,7 @@ impl Esc for Controller<'_> {
     }
 }
 
-/// What a broken interface is: one that was taken away says the same as one that was switched off.
+/// Classifies an interface error: one that was removed may report the same error as one that is down.
 fn fault_of(error: io::Error) -> InterfaceError {
     match error.kind() {
         ErrorKind::NetworkDown => InterfaceError::Down,
@@ -209,7 +209,7 @@ fn unreachable(name: &str, error: &InterfaceError) -> EscError {
     EscError::Unreachable(reason(name, error))
 }
 
-/// What an error means for the user.
+/// Maps an error to a message for the user.
 fn reason(name: &str, error: &InterfaceError) -> &'static str {
     hint::keep(match error {
         InterfaceError::Missing => format!("no network interface is called {name}: see ip link"),

@@ -1,8 +1,8 @@
 //! Embassy's executor in one Linux thread, which sleeps in the [`reactor`].
 //!
-//! A wake-up goes this way: epoll reports a readable descriptor, the reactor wakes the task that waits for it, the task
-//! enters embassy's run queue, the queue calls `__pender`, and the pender wakes the future that [`run`] blocks on. That
-//! future polls the run queue until it is empty.
+//! The path of a wake-up: epoll reports a readable descriptor, the reactor wakes the task that waits for it, the task enters
+//! embassy's run queue, the queue calls `__pender`, and the pender wakes the future that [`run`] blocks on. That future polls the
+//! run queue until it is empty.
 
 use std::future::{Future, poll_fn};
 use std::num::NonZeroU64;
@@ -16,23 +16,22 @@ use rustix::thread::set_current_timer_slack;
 
 use crate::reactor;
 
-/// Passes over the run queue before the reactor looks for I/O again: tasks that wake each other for ever must not
-/// keep the sockets from being read.
+/// Most passes over the run queue before polling for I/O again: tasks that keep waking each other must not starve the sockets.
 const ROUNDS_MAX: usize = 32;
 
-/// Runs the tasks that `init` spawns, and those that they spawn, until `end` is ready. Unfinished tasks are not
-/// dropped: the process is about to end.
+/// Runs the tasks that `init` spawns, and those that they spawn, until `end` is ready. Unfinished tasks are not dropped: the
+/// process is about to end.
 pub fn run<T>(init: impl FnOnce(Spawner), end: impl Future<Output = T>) -> T {
-    // Silences of lines end in time: by default the kernel may let a sleeper lie for 50 us more. Where it does not know
-    // that, it is not worth an error.
+    // Line silences must end in time, but the kernel's default slack may delay a wake-up by 50 us. Failure is harmless on systems
+    // without it.
     let _ = set_current_timer_slack(NonZeroU64::new(1));
     let pended: &'static Pended = Box::leak(Box::new(Pended::new()));
     let context = std::ptr::from_ref(pended).cast_mut().cast::<()>();
     let executor: &'static raw::Executor = Box::leak(Box::new(raw::Executor::new(context)));
     init(executor.spawner());
 
-    // The silences between frames are timed here: not with the 50 us that timers may be late by default (timerslack). Where
-    // the system refuses, they are.
+    // The silences between frames are timed in this thread, so the default timer slack of 50 us is too much. If the system refuses,
+    // it stays.
     let _ = set_current_timer_slack(Some(NonZeroU64::MIN));
     let mut end = pin!(end);
     reactor::block_on(poll_fn(|context| {
@@ -40,10 +39,10 @@ pub fn run<T>(init: impl FnOnce(Spawner), end: impl Future<Output = T>) -> T {
         pended.polling.store(true, SeqCst);
         for _ in 0..ROUNDS_MAX {
             pended.work.store(false, SeqCst);
-            // In one critical section, which makes those that tasks enter cheap. Other threads only wake tasks, and no task waits
+            // One outer critical section makes the nested ones of the tasks cheap. Other threads only wake tasks, and no task waits
             // for them without suspending.
-            // SAFETY: `poll` must not run twice at a time, and only in the thread that made the executor. Nobody
-            // but this closure knows the executor, and `block_on` calls it in this thread, never from a task.
+            // SAFETY: `poll` must not run concurrently, and only in the thread that made the executor. Only this closure has the
+            // executor, and `block_on` calls it in this thread, never from a task.
             critical_section::with(|_| unsafe { executor.poll() });
             if !pended.work.load(SeqCst) {
                 break;
@@ -57,12 +56,12 @@ pub fn run<T>(init: impl FnOnce(Spawner), end: impl Future<Output = T>) -> T {
     }))
 }
 
-/// Tells [`run`] that there is work in the run queue.
+/// Tells [`run`] that the run queue has work.
 struct Pended {
     work: AtomicBool,
-    /// `run` is busy with the queue and will see `work`: waking it would cost a pass through the reactor.
+    /// `run` is polling the queue and will see `work`: waking it would cost a pass through the reactor.
     polling: AtomicBool,
-    /// Wakes `run`, from its first round on.
+    /// Wakes `run`; set in its first round.
     waker: OnceLock<Waker>,
 }
 
@@ -72,10 +71,10 @@ impl Pended {
     }
 }
 
-/// Called by the executor, from any thread, when its run queue is no longer empty.
+/// Called by the executor, from any thread, when its run queue becomes non-empty.
 #[unsafe(export_name = "__pender")]
 fn pender(context: *mut ()) {
-    // SAFETY: every executor of this program is made by `run`, with a leaked `Pended` as its context.
+    // SAFETY: `run` creates every executor of this program, with a leaked `Pended` as its context.
     let pended: &'static Pended = unsafe { &*context.cast::<Pended>() };
     pended.work.store(true, SeqCst);
     if !pended.polling.load(SeqCst)

@@ -1,4 +1,4 @@
-//! Text files that are read within a limit and replaced as a whole.
+//! Text files with a size limit, replaced atomically.
 
 use std::ffi::OsString;
 use std::fs::{self, File, OpenOptions};
@@ -8,24 +8,24 @@ use std::path::{Path, PathBuf};
 
 use rustix::fs::OFlags;
 
-/// Longest text that is read or written; far above what full settings and their comments come to.
+/// Longest text to read or write; far more than full settings with comments.
 pub const TEXT_BYTES_MAX: usize = 256 * 1024;
-/// What a reader is told of a longer one.
+/// The error for a longer one.
 pub const TOO_LONG: &str = "it is longer than 262144 bytes, the most that a settings file may have";
 const _: () = assert!(TEXT_BYTES_MAX == 262_144, "TOO_LONG names the number");
 
-/// Permissions of a file that did not exist before.
+/// Permissions of new files.
 const NEW_FILE_MODE: u32 = 0o644;
-/// Links that are followed one after the other, as the kernel does.
+/// Most symbolic links to follow, as in the kernel.
 const CONNECTIONS_MAX: usize = 40;
-/// How the names of files end that are being written.
+/// Suffix of temporary files.
 const SAVING: &str = ".saving";
 
-/// What is said of a file that cannot be read or written.
+/// Why a file cannot be read or written.
 pub type Reason = &'static str;
 
-/// The whole text of the file at `path`, or none if there is no such file. Nothing but a regular file is opened: a device may
-/// act on that, and a pipe would not end.
+/// The text of the file at `path`; `None` if it does not exist. Opens regular files only: opening a device may have side effects,
+/// and a pipe may never end.
 pub fn read(path: &Path) -> Result<Option<Vec<u8>>, Reason> {
     let facts = match fs::metadata(path) {
         Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
@@ -35,7 +35,7 @@ pub fn read(path: &Path) -> Result<Option<Vec<u8>>, Reason> {
     let flags = OFlags::NONBLOCK.bits() as i32;
     let file =
         OpenOptions::new().read(true).custom_flags(flags).open(path).map_err(|error| reason(&error))?;
-    // It may be another one by now.
+    // The file may have been replaced meanwhile.
     check(&file.metadata().map_err(|error| reason(&error))?)?;
     let mut text = Vec::new();
     file.take(TEXT_BYTES_MAX as u64 + 1).read_to_end(&mut text).map_err(|error| reason(&error))?;
@@ -54,13 +54,13 @@ fn check(facts: &fs::Metadata) -> Result<(), Reason> {
     }
 }
 
-/// Puts `text` in place of the file at `path`: whoever reads it, also after a power cut, sees the old or the new text. The file
-/// keeps its mode and its owner, and a link to it stays a link.
+/// Replaces the file at `path` atomically: readers see either the old or the new text, even after a power cut. The file keeps its
+/// mode and owner, and a symbolic link stays one.
 pub fn replace(path: &Path, text: &[u8]) -> io::Result<()> {
     replace_like(path, path, text)
 }
 
-/// [`replace`], where the file gets the mode and the owner of the one at `like`.
+/// [`replace`], with the mode and the owner of the file at `like`.
 pub fn replace_like(path: &Path, like: &Path, text: &[u8]) -> io::Result<()> {
     let path = resolve(path);
     let folder = folder(&path);
@@ -68,7 +68,7 @@ pub fn replace_like(path: &Path, like: &Path, text: &[u8]) -> io::Result<()> {
         Err(error) if error.kind() == ErrorKind::NotFound => None,
         facts => Some(facts?),
     };
-    // In the same folder, because a rename does not cross file systems.
+    // In the same folder, because a rename cannot cross file systems.
     let mut next = tempfile::Builder::new().prefix(&prefix(&path)).suffix(SAVING).tempfile_in(folder)?;
     next.write_all(text)?;
     let own = next.as_file().metadata()?;
@@ -82,7 +82,7 @@ pub fn replace_like(path: &Path, like: &Path, text: &[u8]) -> io::Result<()> {
     File::open(folder)?.sync_all()
 }
 
-/// Removes what a `replace` of the file at `path` has left that was killed. What cannot be removed does no harm.
+/// Removes temporary files of an interrupted `replace` of the file at `path`. Those that cannot be removed are harmless.
 pub fn sweep(path: &Path) {
     let path = resolve(path);
     let prefix = prefix(&path);
@@ -102,7 +102,7 @@ fn folder(path: &Path) -> &Path {
     path.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new("."))
 }
 
-/// How the names of files begin that become the one at `path`.
+/// Prefix of temporary files for `path`.
 fn prefix(path: &Path) -> OsString {
     let mut prefix = OsString::from(".");
     prefix.push(path.file_name().unwrap_or_default());
@@ -110,7 +110,7 @@ fn prefix(path: &Path) -> OsString {
     prefix
 }
 
-/// The path that `path` leads to: without links, `.` and `..`, also when nothing is there.
+/// The target of `path` without links, `.` and `..`, even if it does not exist.
 pub fn resolve(path: &Path) -> PathBuf {
     let mut path = path.to_owned();
     for _ in 0..CONNECTIONS_MAX {
@@ -128,7 +128,7 @@ pub fn resolve(path: &Path) -> PathBuf {
     }
 }
 
-/// What a system error means for the user.
+/// Maps a system error to a message for the user.
 pub fn reason(error: &io::Error) -> Reason {
     match error.kind() {
         ErrorKind::PermissionDenied => {
@@ -157,7 +157,7 @@ mod tests {
         let (file, link) = (folder.path().join("real.conf"), folder.path().join("link.conf"));
         fs::write(&file, "old").unwrap();
         fs::set_permissions(&file, fs::Permissions::from_mode(0o640)).unwrap();
-        // Only root can give a file away.
+        // Only root can change a file's owner.
         let given = std::os::unix::fs::chown(&file, Some(1234), Some(5678)).is_ok();
         symlink("real.conf", &link).unwrap();
         replace(&link, b"new").unwrap();

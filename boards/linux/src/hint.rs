@@ -1,11 +1,11 @@
-//! Hints for the user that name something only known at run time, as the `&'static str` of an `OpenError`.
+//! Hints for the user with run-time contents, as the `&'static str` of an `OpenError`.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
-/// The same text for ever. A text is leaked once, however often it is asked for, and the callers' texts are few:
-/// one for each group of the system and each device that no group may open, two for the program's path, and some for each network interface that somebody has named.
+/// Leaks a text once, however often it is requested. The callers' texts are few: one for each group of the system and each device
+/// that no group may open, two with the program's path, and some for each network interface named by a user.
 pub(crate) fn keep(text: String) -> &'static str {
     static KEPT: Mutex<BTreeSet<&'static str>> = Mutex::new(BTreeSet::new());
     let mut kept = KEPT.lock().unwrap_or_else(PoisonError::into_inner);
@@ -17,14 +17,14 @@ pub(crate) fn keep(text: String) -> &'static str {
     text
 }
 
-/// What a group needs to open a device.
+/// Permissions that a group needs to open a device.
 const READ_AND_WRITE: u32 = 0o060;
 
-/// What to do when `device` may not be opened: the group that owns it is the one to join, if that may.
+/// What to do if `device` may not be opened: join its group, if that group has access.
 pub(crate) fn device_denied(device: &Path) -> &'static str {
     use std::os::unix::fs::MetadataExt;
     let facts = std::fs::metadata(device).ok();
-    // The group of root may do more than open this.
+    // Joining root's group would grant too much.
     if facts.as_ref().is_some_and(|facts| facts.gid() == 0 || facts.mode() & READ_AND_WRITE != READ_AND_WRITE)
     {
         let device = device.display();
@@ -37,7 +37,7 @@ pub(crate) fn device_denied(device: &Path) -> &'static str {
     keep(format!("add the user to the group {group}: sudo usermod -aG {group} $USER, then log in again"))
 }
 
-/// What to do when a port below 1024 may not be opened.
+/// What to do if a port below 1024 may not be opened.
 pub(crate) fn port_denied() -> &'static str {
     keep(format!(
         "ports below 1024 are privileged: sudo setcap cap_net_bind_service=+ep {}",
@@ -45,7 +45,7 @@ pub(crate) fn port_denied() -> &'static str {
     ))
 }
 
-/// What to do when a raw socket may not be opened. The ports below 1024 are named as well: setcap takes away what it does not name.
+/// What to do if a raw socket may not be opened. Includes the ports below 1024, because setcap drops what it does not name.
 pub(crate) fn raw_socket_denied() -> &'static str {
     keep(format!(
         "a raw socket needs CAP_NET_RAW: sudo setcap cap_net_raw,cap_net_bind_service=+ep {}; a service: see \
@@ -58,17 +58,17 @@ fn program() -> PathBuf {
     std::env::current_exe().unwrap_or_else(|_| "mobgate".into())
 }
 
-/// The name of group `gid`, if the system's group file has it.
+/// The name of group `gid` in the system's group file.
 fn group_name(gid: u32) -> Option<String> {
     group(|_, id| id == gid).map(|(name, _)| name)
 }
 
-/// The id of the group called `name`, if the system's group file has it.
+/// The id of group `name` in the system's group file.
 pub(crate) fn group_id(name: &str) -> Option<u32> {
     group(|known, _| known == name).map(|(_, id)| id)
 }
 
-/// The first group of the system's group file that `is_it`.
+/// The first group in the system's group file for which `is_it` holds.
 fn group(is_it: impl Fn(&str, u32) -> bool) -> Option<(String, u32)> {
     let groups = std::fs::read_to_string("/etc/group").ok()?;
     groups.lines().find_map(|line| {

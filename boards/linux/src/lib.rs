@@ -1,14 +1,13 @@
-//! The Linux board: serial lines, TCP sockets, the settings file and the terminal as the core's `hal` wants them, and
-//! an executor for embassy tasks.
+//! The Linux board: serial lines, TCP sockets, settings file and terminal for the core's `hal`, and an executor for embassy tasks.
 //!
-//! A byte that arrives takes this way: epoll, [`reactor`], [`executor`], the port's task, which reads it from its [`tty::Tty`] or
+//! The path of a received byte: epoll, [`reactor`], [`executor`], the port's task, which reads it from its [`tty::Tty`] or
 //! [`tcp::TcpStream`].
 
 mod bind;
 pub mod capture;
 pub mod cli;
 pub mod console;
-// One of two: the program that ships links no simulator.
+// The shipped program links no simulator.
 #[cfg_attr(not(feature = "demo"), path = "no_demo.rs")]
 pub mod demo;
 pub mod describe;

@@ -1,7 +1,7 @@
-//! The log, on standard error: with times for people, with priorities for the journal.
+//! The log on standard error: with times for people, with priorities for the journal.
 //!
-//! A thread writes it, so that nobody waits for a terminal or a pipe that takes its time. What comes meanwhile is kept, up to a
-//! limit; what is dropped behind that is counted.
+//! A thread writes it, so that no task blocks on a slow terminal or pipe. Meanwhile lines queue up to a limit; further ones are
+//! dropped and counted.
 
 use std::io::{self, IsTerminal, Write, stderr};
 use std::sync::OnceLock;
@@ -15,26 +15,26 @@ use log::Level;
 
 use crate::screen::{self, Screen};
 
-/// Lines that wait to be written.
+/// Most lines queued for writing.
 const LINES_MAX: usize = 1_024;
-/// How long the end of the program waits for them.
+/// Longest wait for them at the end of the program.
 const END_MAX: Duration = Duration::from_secs(1);
 
 static QUEUE: OnceLock<SyncSender<Entry>> = OnceLock::new();
-/// Lines that had no room.
+/// Lines dropped because the queue was full.
 static DROPPED: AtomicUsize = AtomicUsize::new(0);
 
 enum Entry {
     Line(Vec<u8>),
-    /// To be told when all before this is written.
+    /// Acknowledged once everything before it is written.
     End(std::sync::mpsc::Sender<()>),
 }
 
-/// Starts logging; `RUST_LOG` says what, and by default information and worse.
+/// Starts logging at the level in `RUST_LOG`; `info` by default.
 pub fn start() -> io::Result<()> {
     let mut builder = Builder::from_env(Env::default().default_filter_or("info"));
     let terminal = stderr().is_terminal();
-    // systemd sets it for services whose output goes to the journal, which has its own times.
+    // systemd sets it for services that log to the journal, which adds its own times.
     let journal = std::env::var_os("JOURNAL_STREAM").is_some() && !terminal;
     if journal {
         builder.format(|into, record| writeln!(into, "<{}>{}", priority(record.level()), record.args()));
@@ -42,7 +42,7 @@ pub fn start() -> io::Result<()> {
         builder.format(|into, record| {
             let (level, time) = (record.level(), into.timestamp_millis().to_string());
             let style = into.default_level_style(level);
-            // A person knows which day it is.
+            // People know the date.
             let time = time.split_once('T').map_or(time.as_str(), |(_, time)| time);
             writeln!(into, "{time} {style}{level:<5}{style:#} {}", record.args())
         });
@@ -53,13 +53,13 @@ pub fn start() -> io::Result<()> {
     }
     let (queue, entries) = sync_channel(LINES_MAX);
     thread::Builder::new().name("log".into()).spawn(move || write(&entries))?;
-    // It is started once.
+    // Set only once.
     let _ = QUEUE.set(queue);
     builder.target(Target::Pipe(Box::new(Queue))).init();
     Ok(())
 }
 
-/// Waits until all is written, if that does not take too long.
+/// Waits until the log is written, up to a time limit.
 pub fn finish() {
     let (done, all) = channel();
     if QUEUE.get().is_some_and(|queue| queue.try_send(Entry::End(done)).is_ok()) {
@@ -68,7 +68,7 @@ pub fn finish() {
     Screen::leave();
 }
 
-/// Where the logger writes to, a line at a time.
+/// The logger's target: queues one line per call.
 struct Queue;
 
 impl Write for Queue {
@@ -88,7 +88,7 @@ impl Write for Queue {
 fn write(entries: &Receiver<Entry>) {
     let shared = screen::is_shared();
     let write = |line: &[u8]| {
-        // Nobody could be told.
+        // There is nowhere to report a failure.
         let _ = if shared { Screen::log(line) } else { stderr().write_all(line) };
     };
     for entry in entries {
@@ -103,7 +103,7 @@ fn write(entries: &Receiver<Entry>) {
     }
 }
 
-/// sd-daemon(3): the priorities of syslog.
+/// syslog priorities, see sd-daemon(3).
 fn priority(level: Level) -> u8 {
     match level {
         Level::Error => 3,

@@ -1,4 +1,4 @@
-//! mobgate as a Linux program: the gateway's statics and tasks, and what happens at the start, at signals and at the end.
+//! mobgate as a Linux program: the gateway's statics and tasks, start-up, signals and shutdown.
 
 use std::os::unix::process::CommandExt;
 use std::path::Path;
@@ -28,11 +28,11 @@ use mobgate_linux::tcp::{Connector, TcpSockets};
 use mobgate_linux::udp::Datagrams;
 use mobgate_linux::{capture, console, describe, ethercat, executor, logging, mdns, settings, tty};
 
-/// TCP connections of all servers together. Each takes a descriptor, of which a process has 1024 by default.
+/// TCP connections of all servers together. Each takes a descriptor, and a process has 1024 by default.
 const CONNECTIONS: usize = 256;
 /// One frame for each connection and each port.
 const RESERVED: usize = CONNECTIONS + PORTS_MAX;
-/// As many again for those who ask several things at a time.
+/// As many again for clients that pipeline requests.
 const FRAMES: usize = 2 * RESERVED;
 
 static SLOTS: [Slot; FRAMES] = [const { Slot::new() }; FRAMES];
@@ -49,15 +49,15 @@ static GATEWAY: Gateway<'static> = Gateway::new(&POOL, &PORT_STATES, &CONNECTION
     .with_capture(&CAPTURE)
     .with_same_device(tty::are_same);
 
-/// The file that frames are written to next, or none.
+/// The capture file requested next; `None` ends the capture.
 static CAPTURE_FILE: capture::Wanted = Signal::new();
-/// How the program ends.
+/// How the program is to end.
 static END: Signal<CriticalSectionRawMutex, End> = Signal::new();
 
 enum End {
-    /// For good.
+    /// Stop the program.
     Stop,
-    /// To start again with the same options.
+    /// Restart with the same options.
     Restart,
 }
 
@@ -86,7 +86,7 @@ async fn ethercat_controller() {
     ethercat::run(&GATEWAY, &ETHERCAT).await
 }
 
-/// Saves when a MainDevice asks for that.
+/// Saves on a MainDevice's request.
 #[embassy_executor::task]
 async fn keep_settings(mut store: FileStore) {
     GATEWAY.keep_settings(&mut store).await
@@ -137,7 +137,7 @@ async fn signals(mut caught: Signals, mut store: FileStore) {
     }
 }
 
-/// This program, as the console sees it.
+/// The console's interface to this program.
 struct Process;
 
 impl System for Process {
@@ -172,7 +172,7 @@ fn main() -> ExitCode {
     ExitCode::FAILURE
 }
 
-/// Says whether the settings in `file` are good.
+/// Checks the settings in `file` and prints the result.
 fn check(file: &Path) -> Result<(), String> {
     let mut settings = Settings::new();
     let mut store = FileStore::untouched(Some(file.to_owned()));
@@ -185,13 +185,14 @@ fn check(file: &Path) -> Result<(), String> {
 
 fn run(options: Options) -> Result<End, String> {
     logging::start().map_err(|error| format!("no thread for the log: {error}"))?;
-    // First of all: who sees a port open may send a signal.
+    // Before all else: once a port is open, somebody may send a signal.
     let caught = Signals::catch().map_err(|error| format!("signals cannot be caught: {error}"))?;
     let sockets = TcpSockets::default();
     let console = console::open_tcp(options.console, &sockets)?;
     let mut store = FileStore::new(options.config.clone());
     let settings = start::read(&GATEWAY, &options, &mut store)?;
-    // Behind them: a start that they end leaves no socket behind. Before the ports: who sees one open may use the console.
+    // After the settings: a start that fails on them leaves no socket behind. Before the ports: once one is open, the console must
+    // be available.
     let (socket, _claim_until_the_end) = socket::open(options.socket.as_ref())?.unzip();
     let start = start::listen(settings, &options, &sockets)?;
     if let Some(file) = &options.capture {
@@ -205,7 +206,7 @@ fn run(options: Options) -> Result<End, String> {
     let listen = console.as_ref().map(|(listen, _)| *listen);
     let spawn = |spawner| spawn(spawner, options, store, sockets, caught, (socket, listen));
     Ok(executor::run(spawn, async {
-        // The tasks have been polled once, so they hold their listeners by themselves.
+        // The tasks have been polled once, so they now hold their listeners.
         drop((start, console));
         END.wait().await
     }))
@@ -220,7 +221,7 @@ fn spawn(
     (socket, console): (Option<socket::Listener>, Option<TcpListen>),
 ) {
     let lines = demo::spawn(&options, spawner);
-    // Each pool has room for what is spawned here, and this runs once: no `unwrap` can fail.
+    // Each pool has room for the tasks spawned here, and this runs once: no `unwrap` can fail.
     spawner.spawn(router().unwrap());
     spawner.spawn(signals(caught, store.clone()).unwrap());
     for index in 0..PORTS_MAX {
@@ -246,10 +247,10 @@ fn spawn(
     spawner.spawn(console_on_stdio(store).unwrap());
 }
 
-/// Takes over what the file says now, or nothing of it; gives the file's name. What was not saved is kept beside it.
+/// Applies the settings in the file, all or nothing; returns the file's name. Unsaved settings are kept in a file beside it.
 async fn reload(store: &mut FileStore) -> Result<String, String> {
     let file = store.path().map_err(|error| error.to_string())?.display().to_string();
-    // Nobody changes or saves settings meanwhile.
+    // Holding the draft keeps others from changing or saving settings meanwhile.
     let mut draft = reconfigure::draft(&GATEWAY).await;
     if GATEWAY.has_unsaved() {
         let aside = store.keep_aside(&GATEWAY.settings(settings::print))?;
@@ -260,7 +261,7 @@ async fn reload(store: &mut FileStore) -> Result<String, String> {
     Ok(file)
 }
 
-/// Puts a new process of the same program in this one's place; comes back with an error only.
+/// Replaces this process by a new one of the same program; returns only on an error.
 fn restart() -> std::io::Error {
     let mut arguments = std::env::args_os();
     let name = arguments.next().unwrap_or_else(|| "mobgate".into());

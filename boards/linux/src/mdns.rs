@@ -1,7 +1,8 @@
-//! The gateway is found on the machine's networks by multicast DNS: one socket for all of them, and the kernel's word when one
-//! comes or goes.
+//! Makes the gateway discoverable on the machine's networks by multicast DNS: one socket for all of them, and the kernel's
+//! notifications of network changes.
 //!
-//! Who asks is answered from the interface in whose network he is. Nobody else is a neighbour, and gets a response (RFC 6762, 11).
+//! A query is answered through the interface of the querier's network; queries from outside the local networks are ignored (RFC
+//! 6762, 11).
 
 use std::future::pending;
 use std::io;
@@ -20,16 +21,16 @@ use socket2::{Domain, Protocol, Socket, Type};
 
 use crate::descriptor::Descriptor;
 
-/// The kernel's groups of news that tell of links and of addresses by IPv4 (rtnetlink(7)).
+/// Multicast groups of the kernel's notifications about links and IPv4 addresses (rtnetlink(7)).
 const NEWS: u32 = 0x1 | 0x10;
-/// Most of what the kernel tells at a time. It is only looked at for that it came.
+/// Buffer for a kernel notification. Only its arrival matters.
 const NEWS_BYTES: usize = 8_192;
-/// No message is longer (RFC 6762, 17).
+/// Longest message (RFC 6762, 17).
 const QUERY_BYTES_MAX: usize = 9_000;
-/// When the socket could not be opened.
+/// Retry interval if the socket cannot be opened.
 const RETRY: Duration = Duration::from_secs(60);
 
-/// Answers as long as the settings of `gateway` have something to be found, for ever.
+/// Answers while the settings of `gateway` announce something; returns only if the kernel refuses notifications.
 pub async fn run(gateway: &Gateway<'_>) {
     let news = match news() {
         Ok(news) => news,
@@ -38,7 +39,7 @@ pub async fn run(gateway: &Gateway<'_>) {
     Responder::new(gateway).run(news).await
 }
 
-/// What the kernel tells when networks come and go.
+/// The kernel's notifications of network changes.
 fn news() -> io::Result<Descriptor<OwnedFd>> {
     let news = socket(AddressFamily::NETLINK, SocketType::RAW, None)?;
     bind(&news, &SocketAddrNetlink::new(0, NEWS))?;
@@ -50,7 +51,7 @@ struct Network {
     name: String,
     address: Ipv4Addr,
     mask: Ipv4Addr,
-    /// What takes back what is announced there; empty when there is nothing to be found.
+    /// Withdraws what is announced there; empty if nothing is.
     farewell: Said,
 }
 
@@ -59,7 +60,7 @@ impl Network {
         self.address & self.mask == address & self.mask
     }
 
-    /// Whether nothing else is to be found in `other`.
+    /// Whether `other` is the same network with the same announcements.
     fn is(&self, other: &Self) -> bool {
         (&self.name, self.address, &self.farewell) == (&other.name, other.address, &other.farewell)
     }
@@ -71,9 +72,9 @@ struct Responder<'s, 'g> {
     host: String,
     networks: Vec<Network>,
     socket: Option<Descriptor<UdpSocket>>,
-    /// It could not be opened, and that was said.
+    /// The socket could not be opened, and a warning was logged.
     failed: bool,
-    /// Announcements that are still to be sent, and when that is due, or another look.
+    /// Announcements still to be sent, and the time of the next one or of the next attempt to open the socket.
     announcements: usize,
     due: Instant,
     rate: Rate,
@@ -82,7 +83,7 @@ struct Responder<'s, 'g> {
 impl<'s, 'g> Responder<'s, 'g> {
     fn new(gateway: &'s Gateway<'g>) -> Self {
         let name = host_label(&rustix::system::uname().nodename().to_string_lossy());
-        // The machine's own name is its own responder's to say.
+        // The machine's own name belongs to its own responder.
         let host = format!("{name}-mobgate");
         let (networks, socket, failed) = (Vec::new(), None, false);
         let (announcements, due, rate) = (0, Instant::MAX, Rate::new());
@@ -104,7 +105,7 @@ impl<'s, 'g> Responder<'s, 'g> {
             match select4(received, changed, self.gateway.new_mdns(), Timer::at(self.due)).await {
                 Either4::First(Ok((length, from))) => self.answer(&query[..length], from),
                 Either4::First(Err(error)) => self.fails(&error),
-                // Also when the kernel had more to tell than it could keep.
+                // Also if the kernel lost notifications (ENOBUFS).
                 Either4::Second(_) | Either4::Third(()) => self.look(),
                 Either4::Fourth(()) if self.socket.is_none() => self.look(),
                 Either4::Fourth(()) => self.announce(),
@@ -112,7 +113,7 @@ impl<'s, 'g> Responder<'s, 'g> {
         }
     }
 
-    /// Sees which networks there are, and what is to be found there now.
+    /// Updates the networks and what is announced there.
     fn look(&mut self) {
         let mut networks = networks();
         for network in &mut networks {
@@ -138,13 +139,13 @@ impl<'s, 'g> Responder<'s, 'g> {
         }
     }
 
-    /// Opens the socket if it is not, and listens on all networks.
+    /// Opens the socket if necessary, and joins the group on all networks.
     fn open(&mut self) -> io::Result<()> {
         let socket = match self.socket.take() {
             Some(socket) => socket,
             None => {
                 let socket = Socket::new(Domain::IPV4, Type::DGRAM, Some(Protocol::UDP))?;
-                // The machine may have a responder of its own.
+                // The machine may run another responder.
                 socket.set_reuse_address(true)?;
                 socket.set_multicast_ttl_v4(HOPS.into())?;
                 socket.bind(&SocketAddrV4::new(GROUP, PORT).into())?;
@@ -153,7 +154,7 @@ impl<'s, 'g> Responder<'s, 'g> {
         };
         for network in &self.networks {
             match socket.get_ref().join_multicast_v4(&GROUP, &network.address) {
-                // It has been listened to already.
+                // Already joined.
                 Err(error) if error.kind() == io::ErrorKind::AddrInUse => {}
                 joined => joined?,
             }
@@ -186,13 +187,13 @@ impl<'s, 'g> Responder<'s, 'g> {
         }
         match (&self.socket, from.port()) {
             (_, PORT) => self.multicast(network.address, &said),
-            // What is lost is asked again.
+            // A lost answer is asked for again.
             (Some(socket), _) => _ = socket.get_ref().send_to(&said, from),
             (None, _) => {}
         }
     }
 
-    /// What is to be said in the network of this `address`, as `what` writes it.
+    /// The message for the network with this `address`, as written by `what`.
     fn say(&self, address: Ipv4Addr, what: impl FnOnce(mobgate_mdns::Gateway<'_>, &mut Said)) -> Said {
         let mut said = Said::new();
         self.gateway.settings(|settings| {
@@ -202,7 +203,7 @@ impl<'s, 'g> Responder<'s, 'g> {
         said
     }
 
-    /// Sends to all in the network of this `address`.
+    /// Multicasts in the network with this `address`.
     fn multicast(&self, address: Ipv4Addr, message: &Said) {
         let Some(socket) = self.socket.as_ref().filter(|_| !message.is_empty()) else { return };
         let socket = socket.get_ref();
@@ -215,7 +216,7 @@ impl<'s, 'g> Responder<'s, 'g> {
     }
 }
 
-/// The networks that are up and have multicasts, the machine's own loop left out.
+/// The multicast networks that are up, without the loopback.
 fn networks() -> Vec<Network> {
     let needed = InterfaceFlags::IFF_UP | InterfaceFlags::IFF_MULTICAST;
     let all = getifaddrs().into_iter().flatten();
@@ -228,7 +229,7 @@ fn networks() -> Vec<Network> {
         .collect()
 }
 
-/// The first label of a host's name, as far as it may be the name of a gateway.
+/// The first label of a host name, limited to what a gateway's name may contain.
 fn host_label(name: &str) -> String {
     let label = name.split('.').next().unwrap_or_default();
     let good = |letter: char| if letter.is_ascii_alphanumeric() { letter } else { '-' };

@@ -1,16 +1,15 @@
-//! New settings in an old text: lines that still say the same stay as they are, and so do comments, blank lines and the order.
+//! Merges new settings into an old text: unchanged lines stay as they are, and so do comments, blank lines and the order.
 //!
-//! A line whose settings have changed is written anew in its place, with the comment behind it; lines of new settings go behind
-//! the last of their kind; lines whose settings are gone go with them. What the text then says is read back: where its order
-//! does not allow that (a rule would stand before its port), the lines come in the order of `show config`, each with the
-//! comments before it.
+//! A changed line is rewritten in place and keeps its trailing comment. New lines go after the last of their kind; lines of removed
+//! settings are deleted. The merged text is read back: if its order does not work (a rule before its port), the lines come in the
+//! order of `show config`, each with the comments above it.
 
 use std::collections::HashMap;
 
 use mobgate::language::{apply, write_line};
 use mobgate::settings::{LINE_BYTES_MAX, Settings};
 
-/// What lines are about, in the order in which a text needs them.
+/// First words of the lines, in the order in which a text needs them.
 const KINDS: [&str; 8] = ["network", "mdns", "port", "server", "route", "device", "point", "slave"];
 const NETWORK: usize = 0;
 const MDNS: usize = 1;
@@ -18,15 +17,15 @@ const SERVER: usize = 3;
 const ROUTE: usize = 4;
 const BYTE_ORDER_MARK: &str = "\u{feff}";
 
-/// The text `old`, so that it says what `new` says: the lines that print settings.
+/// Changes the text `old` to mean the same as `new`, which is printed settings.
 pub fn merge(old: &str, new: &str) -> String {
     let (mark, text) = old.strip_prefix(BYTE_ORDER_MARK).map_or(("", old), |text| (BYTE_ORDER_MARK, text));
-    // What is not known cannot be found again in the old text.
+    // A line of unknown kind could not be found in the old text.
     let lines = new.lines().filter(|line| !line.is_empty());
     let Some(mut items) = lines.map(Item::of).collect::<Option<Vec<_>>>() else { return new.to_owned() };
     let (before, wanted) = (Text::read(text), Text::read(new));
     let says_it = |text: &Text| text.is_good && text.things() == wanted.things();
-    // An empty file would be none.
+    // An empty file would count as missing.
     if !old.is_empty() && says_it(&before) {
         return old.to_owned();
     }
@@ -40,15 +39,15 @@ pub fn merge(old: &str, new: &str) -> String {
     let plan = Plan::new(&before.lines, &items);
     let mut merged = [Plan::in_place, Plan::in_order].into_iter().map(|arrange| arrange(&plan));
     let merged = merged.find(|text| !text.is_empty() && says_it(&Text::read(text)));
-    // Lines of settings alone can always be read.
+    // Lines of settings alone are always readable.
     merged.map_or_else(|| new.to_owned(), |text| mark.to_owned() + &text)
 }
 
-/// A text, line by line, and what it says.
+/// A text, line by line, and its settings.
 struct Text<'t> {
     lines: Vec<Line<'t>>,
     settings: Box<Settings>,
-    /// No line is wrong.
+    /// No line has an error.
     is_good: bool,
 }
 
@@ -63,7 +62,7 @@ impl<'t> Text<'t> {
         read
     }
 
-    /// What the settings are, whatever order lines have that may have any: only that of rules counts.
+    /// The resulting settings, sorted where the order of lines does not matter: it matters for rules only.
     fn things(&self) -> Vec<Item> {
         let mut things = (0..).map_while(|n| printed(&self.settings, n)).collect::<Vec<_>>();
         things.sort_by(|one, other| (one.kind, &one.name).cmp(&(other.kind, &other.name)));
@@ -71,25 +70,25 @@ impl<'t> Text<'t> {
     }
 }
 
-/// A line that makes something, as it is printed.
+/// A line that creates something, as printed.
 #[derive(Debug, Clone, PartialEq, Eq)]
 struct Item {
     kind: usize,
-    /// What tells it from others of its kind; rules have nothing that does.
+    /// Identifies it among others of its kind; empty for rules.
     name: String,
     text: String,
-    /// Without the blanks that only align columns.
+    /// Without alignment blanks.
     words: Vec<String>,
 }
 
 impl Item {
-    /// The printed `line`.
+    /// Parses the printed `line`.
     fn of(line: &str) -> Option<Self> {
         let words = split(line).0.into_iter().map(str::to_owned).collect::<Vec<_>>();
         let kind = kind(words.first()?)?;
         let name_words = match kind {
             NETWORK | MDNS | ROUTE => 0,
-            // The port and the units.
+            // The port, `unit` and the units.
             SERVER => 3,
             _ => 1,
         };
@@ -107,35 +106,35 @@ fn kind(verb: &str) -> Option<usize> {
     KINDS.iter().position(|kind| kind.eq_ignore_ascii_case(verb))
 }
 
-/// What line `n` of those that `settings` print makes.
+/// Line `n` of the printed `settings`.
 fn printed(settings: &Settings, n: usize) -> Option<Item> {
     let mut text = String::new();
-    // A string takes all that is written.
+    // Writing to a `String` cannot fail.
     write_line(settings, n, &mut text).and_then(|_| Item::of(&text))
 }
 
 /// A line of a text.
 struct Line<'t> {
-    /// With its end.
+    /// With its line end.
     raw: &'t str,
-    /// From the `#` on.
+    /// Starts at the `#`.
     comment: Option<&'t str>,
     does: Does,
 }
 
 enum Does {
-    /// Nothing: it is blank, or a comment.
+    /// It is blank, or a comment.
     Nothing,
-    /// It makes this.
+    /// It creates this item.
     Makes(Item),
-    /// It changes or takes away what other lines have made.
+    /// It changes or deletes what other lines created.
     Edits,
-    /// It cannot be read.
+    /// It has an error.
     Wrong,
 }
 
 impl<'t> Line<'t> {
-    /// Reads a line on top of `settings`.
+    /// Parses a line and applies it to `settings`.
     fn read(raw: &'t str, settings: &mut Settings) -> Self {
         let line = raw.trim_end_matches(['\n', '\r']);
         let (words, comment) = split(line);
@@ -148,7 +147,7 @@ impl<'t> Line<'t> {
     }
 }
 
-/// What a line of these words has just made.
+/// The item just created by a line of these words.
 fn made(settings: &Settings, verb: &str, words: &[&str]) -> Option<Item> {
     let kind = kind(verb)?;
     if kind == MDNS {
@@ -156,11 +155,11 @@ fn made(settings: &Settings, verb: &str, words: &[&str]) -> Option<Item> {
     }
     let name = words.get(1).map(|name| name.to_lowercase());
     let is_it = |item: &Item| kind == SERVER || item.name.is_empty() || Some(&item.name) == name.as_ref();
-    // A rule or a server comes behind the others.
+    // A new rule or server comes after the others.
     (0..).map_while(|n| printed(settings, n)).filter(|item| item.kind == kind).filter(is_it).last()
 }
 
-/// The words of a line, and the comment behind them.
+/// Splits a line into its words and the trailing comment.
 fn split(line: &str) -> (Vec<&str>, Option<&str>) {
     let is_blank = |character: char| character.is_ascii_whitespace() || character == ',';
     let (mut words, mut rest) = (Vec::new(), line);
@@ -180,16 +179,16 @@ fn split(line: &str) -> (Vec<&str>, Option<&str>) {
     }
 }
 
-/// What becomes of the lines of an old text, and where new ones go.
+/// The fate of each old line, and where new lines go.
 struct Plan<'t> {
     lines: &'t [Line<'t>],
     items: &'t [Item],
-    /// For each of the lines, the item that it is or becomes.
+    /// For each line, the item that it is or becomes.
     places: Vec<Option<usize>>,
-    /// Items in front of a line that they must not follow, and behind the line that they must follow.
+    /// Items to insert before a line that they must precede, and after the line that they must follow.
     before: HashMap<usize, Vec<usize>>,
     behind: HashMap<usize, Vec<usize>>,
-    /// Items that go to the end.
+    /// Items to append at the end.
     last: Vec<usize>,
 }
 
@@ -204,7 +203,7 @@ impl<'t> Plan<'t> {
         plan
     }
 
-    /// The lines that make things of these kinds, from the first on.
+    /// The lines that create items of these kinds, first to last.
     fn makers(&self, of: impl Fn(usize) -> bool) -> impl Iterator<Item = (usize, &'t Item)> {
         self.lines.iter().enumerate().filter_map(move |(at, line)| match &line.does {
             Does::Makes(item) if of(item.kind) => Some((at, item)),
@@ -212,7 +211,7 @@ impl<'t> Plan<'t> {
         })
     }
 
-    /// Finds the lines of things that have names. Of two lines of one name the later one counts.
+    /// Assigns lines to named items. Of two lines with the same name the later one counts.
     fn place_named(&mut self) {
         let named = |item: &Item| (item.kind, item.name.clone());
         let old = self.makers(|kind| kind != ROUTE).map(|(at, item)| (named(item), at));
@@ -224,8 +223,8 @@ impl<'t> Plan<'t> {
         }
     }
 
-    /// Finds the lines of rules, whose order counts: those that say the same are fixed, and what is between two of them takes
-    /// the place of what was there. Gives the rules that have found none.
+    /// Assigns lines to rules, whose order matters: equal rules stay, and between two of them new rules replace old ones. Returns
+    /// the rules without a position.
     fn place_rules(&mut self) -> Vec<usize> {
         let old = self.makers(|kind| kind == ROUTE).collect::<Vec<_>>();
         let new = self.items.iter().enumerate().filter(|(_, item)| item.kind == ROUTE).collect::<Vec<_>>();
@@ -254,14 +253,14 @@ impl<'t> Plan<'t> {
         homeless
     }
 
-    /// The first of the comment lines right above the line `at`, or that line itself.
+    /// The first of the comment lines directly above line `at`, or that line itself.
     fn with_comments(&self, at: usize) -> usize {
         let is_comment = |line: &Line<'_>| line.comment.is_some() && matches!(line.does, Does::Nothing);
         at - self.lines[..at].iter().rev().take_while(|line| is_comment(line)).count()
     }
 
-    /// Finds places for what has none yet: behind the last line of its kind, or of those that it may need; and behind what is
-    /// added of those.
+    /// Positions the remaining items: after the last line of their kind, or of the kinds they may depend on, and after the items of
+    /// those kinds added before.
     fn place_added(&mut self, rules: &[usize]) {
         let is_placed = |plan: &Self, n: &usize| plan.places.contains(&Some(*n));
         let added = (0..self.items.len()).filter(|n| match self.items[*n].kind {
@@ -284,7 +283,7 @@ impl<'t> Plan<'t> {
         }
     }
 
-    /// Each line where it was.
+    /// Each line at its old position.
     fn in_place(&self) -> String {
         let mut text = self.text();
         for at in 0..self.lines.len() {
@@ -296,7 +295,7 @@ impl<'t> Plan<'t> {
         text.text
     }
 
-    /// The lines in the order of the items, with the comments that were before them.
+    /// The lines in the order of the items, with the comments above them.
     fn in_order(&self) -> String {
         let mut blocks: HashMap<usize, Vec<usize>> = HashMap::new();
         let mut pending = Vec::new();
@@ -323,7 +322,7 @@ impl<'t> Plan<'t> {
     }
 }
 
-/// A text that is being written.
+/// The text being written.
 struct Output {
     text: String,
     line_end: &'static str,
@@ -331,7 +330,7 @@ struct Output {
 
 impl Output {
     fn add_raw(&mut self, raw: &str) {
-        // The last line of the old text may have had no end.
+        // The last line of the old text may lack a line end.
         if !self.text.is_empty() && !self.text.ends_with('\n') {
             self.text.push_str(self.line_end);
         }
@@ -343,7 +342,7 @@ impl Output {
         self.text.push_str(self.line_end);
     }
 
-    /// What has become of the line `at` of the old text.
+    /// Writes what line `at` of the old text has become.
     fn add_line(&mut self, plan: &Plan<'_>, at: usize) {
         let line = &plan.lines[at];
         match (&line.does, plan.places[at]) {
@@ -358,14 +357,14 @@ impl Output {
                     self.add(new);
                 }
             },
-            // What it did is in the lines that it did it to.
+            // Its effect is in the lines that it edited.
             (Does::Edits, None) => line.comment.into_iter().for_each(|comment| self.add(comment)),
             (Does::Makes(_) | Does::Wrong, None) => {}
         }
     }
 }
 
-/// Pairs of places of a longest common subsequence of two lists, whose elements `same` compares.
+/// Index pairs of a longest common subsequence of two lists, whose elements `same` compares.
 fn longest_common(old: usize, new: usize, same: impl Fn(usize, usize) -> bool) -> Vec<(usize, usize)> {
     let mut lengths = vec![vec![0_u32; new + 1]; old + 1];
     for i in (0..old).rev() {

@@ -1,4 +1,4 @@
-//! What stands for the demo where the program has none: real lines, and a file of settings that must be named.
+//! Stub of the demo: only real serial lines, and settings must come from a file.
 
 use clap::Args;
 use embassy_executor::Spawner;
@@ -11,7 +11,7 @@ pub use crate::tty::TtyHost as Lines;
 
 pub(crate) const EXAMPLES: &str = "";
 
-/// There is nothing to choose.
+/// The demo's options: none.
 #[derive(Debug, Args)]
 pub struct Choice {}
 
@@ -21,18 +21,18 @@ impl Choice {
     }
 }
 
-/// There are no settings without a file.
+/// Always an error: there are no settings without a file.
 pub(crate) fn check(_: &Options) -> Result<(), String> {
     Err("no settings: name their file with --config FILE (this program was built without the demo)"
         .to_owned())
 }
 
-/// Nothing starts.
+/// Always an error, see [`check`].
 pub(crate) fn start(options: &Options, _: &TcpSockets) -> Result<Start, String> {
     check(options).map(|()| Start { settings: Settings::new(), listeners: Vec::new() })
 }
 
-/// Nothing has to be started: gives what ports open serial lines by.
+/// Starts nothing; returns the host of the serial lines.
 pub fn spawn(_: &Options, _: Spawner) -> Lines {
     Lines
 }

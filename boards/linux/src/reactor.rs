@@ -1,9 +1,8 @@
-//! The thread's event loop: it sleeps in epoll until a descriptor is ready, the next alarm is due, or another thread wakes it.
+//! The thread's event loop: sleeps in epoll until a descriptor is ready, the next alarm is due, or another thread wakes it.
 //!
-//! Every descriptor is registered once, edge-triggered, for reading; for writing only while a write would block. What epoll
-//! reports is remembered until an operation would block, so a transaction costs its reads and writes and one
-//! `epoll_pwait2` for each time that there is nothing to do: no timer descriptor, no registration for each wait, no
-//! second thread.
+//! Every descriptor is registered once, edge-triggered, for reading; for writing only while a write would block. Readiness is
+//! remembered until an operation would block, so a transaction costs its reads and writes and one `epoll_pwait2` each time the
+//! thread goes idle: no timer descriptor, no registration per wait, no second thread.
 
 use std::cell::{Cell, RefCell};
 use std::future::Future;
@@ -20,12 +19,12 @@ use rustix::event::epoll::{self, CreateFlags, EventData, EventFlags};
 use rustix::event::{EventfdFlags, Timespec, eventfd};
 use slab::Slab;
 
-/// Events taken from the kernel at a time.
+/// Most events taken from the kernel at once.
 const EVENTS_MAX: usize = 64;
-/// The event that stands for a wake-up by another thread; no source has this number.
+/// Event key of a wake-up by another thread; no source has this number.
 const WOKEN: u64 = u64::MAX;
 
-/// What is always reported.
+/// Events that are always reported.
 const READING: EventFlags = EventFlags::IN.union(EventFlags::RDHUP).union(EventFlags::ET);
 
 thread_local! {
@@ -35,16 +34,16 @@ thread_local! {
 struct Reactor {
     epoll: OwnedFd,
     sources: RefCell<Slab<Rc<Source>>>,
-    /// What the kernel has reported.
+    /// Buffer for the kernel's events.
     events: RefCell<Vec<epoll::Event>>,
     alert: Arc<Alert>,
 }
 
-/// Wakes the thread of a reactor.
+/// Wakes a reactor's thread.
 struct Alert {
-    /// Something is to be polled.
+    /// Set if there is something to poll.
     awake: AtomicBool,
-    /// The thread is in `epoll_wait`, or about to be: only then is it worth a system call to wake it.
+    /// The thread is in `epoll_wait`, or about to be: only then does waking it need a system call.
     asleep: AtomicBool,
     bell: OwnedFd,
 }
@@ -57,19 +56,19 @@ impl Wake for Alert {
     fn wake_by_ref(self: &Arc<Self>) {
         self.awake.store(true, SeqCst);
         if self.asleep.swap(false, SeqCst) {
-            // The counter of an eventfd overflows after 2^64 rings.
+            // Cannot overflow: an eventfd counts to 2^64.
             let _ = rustix::io::write(&self.bell, &1_u64.to_ne_bytes());
         }
     }
 }
 
-/// Runs `future` and, on the way, everything that waits for descriptors and times of this thread.
+/// Runs `future`, and everything else that waits for descriptors and timers of this thread.
 pub fn block_on<T>(future: impl Future<Output = T>) -> T {
     let mut future = pin!(future);
     REACTOR.with(|reactor| {
         let waker = Waker::from(reactor.alert.clone());
         let mut context = Context::from_waker(&waker);
-        // Whatever an earlier run left behind, this future has not been polled yet.
+        // An earlier run may have cleared the flag, but this future has not been polled yet.
         reactor.alert.awake.store(true, SeqCst);
         loop {
             mobgate_clock::fire_due();
@@ -93,7 +92,7 @@ impl Reactor {
         Ok(Self { epoll, sources: RefCell::default(), events, alert: Arc::new(alert) })
     }
 
-    /// Sleeps until something happens, or looks only whether something has when there is more to poll.
+    /// Sleeps until an event; only polls for events if more work is pending.
     fn sleep(&self) {
         self.alert.asleep.store(true, SeqCst);
         let patience = if self.alert.awake.load(SeqCst) { Some(0) } else { until_next_alarm() };
@@ -105,12 +104,12 @@ impl Reactor {
         let waited = epoll::wait(&self.epoll, rustix::buffer::spare_capacity(&mut events), timeout.as_ref());
         self.alert.asleep.store(false, SeqCst);
         if waited.is_err() {
-            return; // by a signal; whatever is ready is reported again
+            return; // interrupted by a signal; epoll reports the events again
         }
         for event in events.drain(..) {
             let (number, flags) = (event.data.u64(), event.flags);
             let source = usize::try_from(number).ok().and_then(|key| self.sources.borrow().get(key).cloned());
-            // A number may have been given to another source by now, which then looks once in vain.
+            // The number may belong to a new source by now, which then retries once in vain.
             if let Some(source) = source {
                 source.notice(flags);
             }
@@ -118,7 +117,7 @@ impl Reactor {
     }
 }
 
-/// Microseconds until the thread's next alarm; none when no alarm is set.
+/// Microseconds until the thread's next alarm; `None` if no alarm is set.
 fn until_next_alarm() -> Option<u64> {
     mobgate_clock::next_alarm().map(|at| at.saturating_sub(Instant::now().as_ticks()))
 }
@@ -128,16 +127,16 @@ fn until_next_alarm() -> Option<u64> {
 struct Source {
     reading: Direction,
     writing: Direction,
-    /// What comes to be read is not reported.
+    /// Set while readable events are not reported.
     muted: Cell<bool>,
 }
 
 /// One direction of a descriptor.
 #[derive(Debug, Default)]
 pub(crate) struct Direction {
-    /// Nothing has been reported since an operation would have blocked.
+    /// An operation would have blocked, and no event was reported since.
     blocked: Cell<bool>,
-    /// The peer has ended it, or it broke: no further event will tell.
+    /// The peer closed it, or it failed: no further event will be reported.
     over: Cell<bool>,
     waiting: RefCell<Option<Waker>>,
 }
@@ -163,17 +162,17 @@ impl Direction {
         }
     }
 
-    /// An operation would have blocked: the next one is to wait for an event.
+    /// An operation would have blocked: the next one waits for an event.
     pub(crate) fn block(&self) {
         self.blocked.set(true);
     }
 
-    /// An operation did less than it was asked to, so the next one would block, unless it is to learn of the end.
+    /// A short read or write: the next operation would block, unless it is to report the end.
     pub(crate) fn block_unless_over(&self) {
         self.blocked.set(!self.over.get());
     }
 
-    /// Ready unless an operation would block, as far as is known.
+    /// Ready unless the operation is known to block.
     pub(crate) fn poll_ready(&self, context: &Context<'_>) -> Poll<()> {
         if !self.blocked.get() {
             return Poll::Ready(());
@@ -186,7 +185,7 @@ impl Direction {
     }
 }
 
-/// A descriptor's place in the reactor of the thread that made it; it must be dropped there, before the descriptor closes.
+/// A descriptor's registration with the reactor of its thread; must be dropped there, before the descriptor is closed.
 #[derive(Debug)]
 pub(crate) struct Registration {
     key: usize,
@@ -194,19 +193,19 @@ pub(crate) struct Registration {
 }
 
 impl Registration {
-    /// Registers `descriptor`, which is non-blocking. An error when epoll refuses it, as it does with files.
+    /// Registers the non-blocking `descriptor`. Fails if epoll does not support it, as with files.
     pub(crate) fn new(descriptor: impl AsFd) -> io::Result<Self> {
         REACTOR.with(|reactor| {
             let source = Rc::new(Source::default());
             let key = reactor.sources.borrow_mut().insert(source.clone());
             let added = epoll::add(&reactor.epoll, descriptor, EventData::new_u64(key as u64), READING);
-            // Dropped at an error, which gives the place back.
+            // Dropped on an error, which frees the key.
             let registration = Self { key, source };
             added.map(|()| registration).map_err(io::Error::from)
         })
     }
 
-    /// Has what comes to `descriptor` wake nobody, until a read would block. The next read is tried.
+    /// Suppresses readable events of `descriptor` until a read would block. The next read is attempted.
     pub(crate) fn mute(&self, descriptor: impl AsFd) -> io::Result<()> {
         if !self.source.muted.replace(true) {
             self.report(descriptor, EventFlags::ET)?;
@@ -215,12 +214,12 @@ impl Registration {
         Ok(())
     }
 
-    /// A read would have blocked: the next one is to wait for an event, which is reported if it happened meanwhile.
+    /// A read would have blocked: the next one waits for an event, which is reported if it has happened meanwhile.
     pub(crate) fn unmute(&self, descriptor: impl AsFd) -> io::Result<()> {
         if self.source.muted.replace(false) { self.report(descriptor, READING) } else { Ok(()) }
     }
 
-    /// Has room to write in `descriptor` reported, or no longer: a tty reports it after every write, which wakes nobody.
+    /// Turns writable events of `descriptor` on or off. They stay off otherwise, because a tty reports one after every write.
     pub(crate) fn watch_writing(&self, descriptor: impl AsFd, watch: bool) -> io::Result<()> {
         self.source.muted.set(false);
         self.report(descriptor, if watch { READING | EventFlags::OUT } else { READING })
@@ -231,9 +230,9 @@ impl Registration {
         REACTOR.with(|reactor| Ok(epoll::modify(&reactor.epoll, descriptor, data, flags)?))
     }
 
-    /// Takes `descriptor` out again.
+    /// Unregisters `descriptor`.
     pub(crate) fn remove(&self, descriptor: impl AsFd) {
-        // It is registered, so nothing can be wrong.
+        // It is registered, so this cannot fail.
         let _ = REACTOR.try_with(|reactor| epoll::delete(&reactor.epoll, descriptor));
     }
 
@@ -248,7 +247,7 @@ impl Registration {
 
 impl Drop for Registration {
     fn drop(&mut self) {
-        // At the end of the thread the reactor may be gone already.
+        // At thread exit the reactor may already be gone.
         let _ = REACTOR.try_with(|reactor| reactor.sources.borrow_mut().try_remove(self.key));
     }
 }

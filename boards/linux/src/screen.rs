@@ -1,11 +1,11 @@
-//! The program's own terminal, which the console and the log share: log lines stand above the line that the console is at.
+//! The program's own terminal, shared by console and log: log lines appear above the console's current line.
 
 use std::io::{self, Write as _, stderr, stdout};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use rustix::termios::{isatty, tcgetwinsize};
 
-/// Bytes of a line that are drawn again.
+/// Most bytes of a line that are redrawn.
 const LINE_BYTES_MAX: usize = 1_024;
 const ESCAPE: u8 = 0x1b;
 
@@ -16,13 +16,13 @@ pub(crate) fn is_shared() -> bool {
     isatty(io::stdin()) && isatty(stdout()) && isatty(stderr())
 }
 
-/// How many columns the terminal of standard output has, in the words of xterm, for a console to read.
+/// The size of the terminal at standard output as an xterm report, for the console to parse.
 pub(crate) fn size_report() -> Option<String> {
     let size = tcgetwinsize(stdout()).ok().filter(|size| size.ws_col > 0)?;
     Some(format!("\x1b[8;{};{}t", size.ws_row, size.ws_col))
 }
 
-/// Where the console writes to. Writing may block: a thread does it.
+/// The console's output. Writing may block: a thread does it.
 #[derive(Debug)]
 pub(crate) struct Screen;
 
@@ -30,7 +30,7 @@ impl io::Write for &Screen {
     fn write(&mut self, text: &[u8]) -> io::Result<usize> {
         let mut last = last();
         stdout().write_all(text)?;
-        // No line of the log comes between what is written and what is seen.
+        // Otherwise a log line could come between buffered and visible text.
         stdout().flush()?;
         last.feed(text);
         Ok(text.len())
@@ -42,13 +42,13 @@ impl io::Write for &Screen {
 }
 
 impl Screen {
-    /// Writes a line of the log, and the console's line again below it.
+    /// Writes a log line, and redraws the console's line below it.
     pub(crate) fn log(text: &[u8]) -> io::Result<()> {
         let last = last();
         stderr().write_all(&[b"\r\x1b[K", text, &last.drawn()].concat())
     }
 
-    /// Takes the console's line away: nobody reads what is typed there any more.
+    /// Erases the console's line: input is no longer read.
     pub(crate) fn leave() {
         let mut last = last();
         if !std::mem::replace(&mut *last, LastLine::new()).cells.is_empty() {
@@ -61,7 +61,7 @@ fn last() -> MutexGuard<'static, LastLine> {
     LAST.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// What stands on the line at which a terminal is, as far as the console's output says.
+/// The contents of the terminal's current line, as far as the console's output tells.
 #[derive(Debug)]
 struct LastLine {
     cells: Vec<u8>,
@@ -69,12 +69,12 @@ struct LastLine {
     sequence: Sequence,
 }
 
-/// How far a control sequence has come.
+/// Parser state of a control sequence.
 #[derive(Debug, Clone, Copy)]
 enum Sequence {
     None,
     Escape,
-    /// `ESC [`, and a number.
+    /// `ESC [` and a number.
     Control(usize),
 }
 
@@ -108,7 +108,7 @@ impl LastLine {
         match end {
             b'K' => self.cells.truncate(self.cursor),
             b'C' => self.cursor += number.max(1),
-            // The screen is empty.
+            // Clears the screen.
             b'J' => self.cells.clear(),
             _ => {}
         }
@@ -127,7 +127,7 @@ impl LastLine {
         }
     }
 
-    /// What draws it on an empty line.
+    /// The bytes that redraw it on an empty line.
     fn drawn(&self) -> Vec<u8> {
         let mut drawn = self.cells.clone();
         if self.cursor < self.cells.len() {

@@ -1,4 +1,4 @@
-//! Settings from a file: read as a whole, checked as a whole, and only then taken over.
+//! Settings from a file: read completely, checked completely, and only then applied.
 
 use mobgate::gateway::Gateway;
 use mobgate::gateway::reconfigure::{self, Unchanged};
@@ -8,8 +8,7 @@ use mobgate::settings::{PortKind, Settings, TcpListen, TcpServerSettings};
 
 use crate::store::FileStore;
 
-/// Reads the settings that the file in `store` says into `settings`, if `gateway` can have them; or says what is wrong with it,
-/// and where.
+/// Reads the file of `store` into `settings`, if `gateway` can apply them; otherwise returns what is wrong with it, and where.
 pub async fn read(
     gateway: &Gateway<'_>,
     store: &mut FileStore,
@@ -17,7 +16,7 @@ pub async fn read(
 ) -> Result<(), String> {
     let path = store.path().map_err(|error| error.to_string())?.to_owned();
     let fault = match reconfigure::read(gateway, store, settings).await {
-        // A file without a line is one, too.
+        // An existing file without lines is valid, too.
         Ok(0) if !path.exists() => {
             "no such file (an empty one is a good start: settings can be typed at the console)".to_owned()
         }
@@ -30,7 +29,7 @@ pub async fn read(
     Err(format!("{}: {fault}", path.display()))
 }
 
-/// The settings that `text` says.
+/// Parses the settings in `text`.
 pub fn parse(text: &str) -> Result<Settings, String> {
     let mut settings = Settings::new();
     let mut loader = Loader::new(&mut settings);
@@ -38,11 +37,11 @@ pub fn parse(text: &str) -> Result<Settings, String> {
     Ok(settings)
 }
 
-/// The lines that `settings` print.
+/// Prints `settings` as lines.
 pub fn print(settings: &Settings) -> String {
     let mut text = String::new();
     let mut n = 0;
-    // A string takes all that is written.
+    // Writing to a `String` cannot fail.
     while write_line(settings, n, &mut text).is_some() {
         text.push('\n');
         n += 1;
@@ -50,7 +49,7 @@ pub fn print(settings: &Settings) -> String {
     text
 }
 
-/// The names of the TCP servers, and where they listen.
+/// Names and listen addresses of the TCP servers.
 pub fn tcp_servers(settings: &Settings) -> impl Iterator<Item = (&str, &TcpListen)> {
     settings.ports.iter().flatten().filter_map(|port| match &port.kind {
         PortKind::TcpServer(server) => Some((port.name.as_str(), &server.listen)),
@@ -58,7 +57,7 @@ pub fn tcp_servers(settings: &Settings) -> impl Iterator<Item = (&str, &TcpListe
     })
 }
 
-/// Lets the first TCP server listen at `listen`; says whether there is one.
+/// Moves the first TCP server to `listen`; returns whether there is one.
 pub fn redirect(settings: &mut Settings, listen: TcpListen) -> bool {
     let first = settings.ports.iter_mut().flatten().find_map(|port| match &mut port.kind {
         PortKind::TcpServer(server) => Some(server),

@@ -1,4 +1,4 @@
-//! The signals that the program acts on, as bytes in a socket that the reactor watches.
+//! Signals handled by the program, as bytes in sockets that the reactor watches.
 
 use std::io::{self, Read};
 use std::os::unix::net::UnixStream;
@@ -11,16 +11,16 @@ use signal_hook::low_level::pipe;
 
 use crate::descriptor::Descriptor;
 
-/// A signal.
+/// A handled signal.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Signal {
     /// SIGHUP: read the settings again.
     Reload,
-    /// SIGTERM, SIGINT or SIGQUIT: end.
+    /// SIGTERM, SIGINT or SIGQUIT: end the program.
     End(&'static str),
 }
 
-/// Catches signals from its making on.
+/// Catches signals from its creation on.
 #[derive(Debug)]
 pub struct Signals {
     hup: Descriptor<UnixStream>,
@@ -30,9 +30,9 @@ pub struct Signals {
 }
 
 impl Signals {
-    /// From now on signals are kept until [`Signals::next`] gives them.
+    /// Starts catching signals; they are kept until [`Signals::next`] returns them.
     pub fn catch() -> io::Result<Self> {
-        // A file that gets longer than the system allows is an error where it is written, not the end of the program.
+        // Exceeding the file size limit shall be a write error, not end the program.
         flag::register(SIGXFSZ, Arc::default())?;
         Ok(Self {
             hup: caught(SIGHUP)?,
@@ -42,13 +42,13 @@ impl Signals {
         })
     }
 
-    /// The next signal.
+    /// Waits for the next signal.
     pub async fn next(&mut self) -> Signal {
         let Self { hup, int, quit, term } = self;
         match select4(arrived(hup), arrived(int), arrived(quit), arrived(term)).await {
             Either4::First(()) => Signal::Reload,
             Either4::Second(()) => Signal::End("SIGINT"),
-            // Ctrl-\ at the program's own terminal, which is raw till the end.
+            // Ctrl-\ at the program's own terminal, which is raw until the end.
             Either4::Third(()) => Signal::End("SIGQUIT"),
             Either4::Fourth(()) => Signal::End("SIGTERM"),
         }
@@ -62,6 +62,6 @@ fn caught(signal: i32) -> io::Result<Descriptor<UnixStream>> {
 }
 
 async fn arrived(signal: &mut Descriptor<UnixStream>) {
-    // The other end lives as long as the process, so this can neither end nor fail.
+    // The other end lives as long as the process, so this neither ends nor fails.
     let _ = signal.read_with(|mut stream| stream.read(&mut [0; 16])).await;
 }

@@ -1,4 +1,4 @@
-//! A file, pipe or terminal that is written by a thread: it may take its time, the ports go on.
+//! A file, pipe or terminal written by a thread, so that slow ones do not block the ports.
 
 use std::io;
 use std::sync::Arc;
@@ -7,10 +7,10 @@ use embedded_io_async::{ErrorType, Write};
 
 use crate::worker::Worker;
 
-/// Bytes that are gathered before they are written without being flushed.
+/// Bytes buffered before an automatic flush.
 const GATHERED_MAX: usize = 64 * 1024;
 
-/// What is written, and what is to be written next.
+/// The file, its thread, and the bytes to be written.
 #[derive(Debug)]
 pub(crate) struct Sink<W> {
     file: Arc<W>,
@@ -19,7 +19,7 @@ pub(crate) struct Sink<W> {
 }
 
 impl<W> Sink<W> {
-    /// Writes to `file`.
+    /// Creates a sink for `file`.
     pub(crate) fn new(file: W) -> io::Result<Self> {
         Ok(Self { file: Arc::new(file), worker: Worker::start()?, gathered: Vec::new() })
     }

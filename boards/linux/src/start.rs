@@ -1,4 +1,4 @@
-//! The start: which settings are in force and which listeners they need.
+//! Start-up: finds the settings and opens their listeners.
 
 use std::rc::Rc;
 
@@ -12,15 +12,15 @@ use crate::settings::{self, tcp_servers};
 use crate::store::FileStore;
 use crate::tcp::{Listener, TcpSockets};
 
-/// Settings, and their listeners, which are held until the tasks that accept have taken them.
+/// Settings, and their listeners, which are held until the accepting tasks have taken them.
 pub struct Start {
-    /// What the gateway takes over.
+    /// The settings to apply.
     pub settings: Settings,
     /// The open listeners.
     pub listeners: Vec<Rc<Listener>>,
 }
 
-/// The configuration file's settings, or none: the demo's, which it makes itself. Opens nothing.
+/// Reads the configuration file; `None` means the demo's settings. Opens nothing.
 pub fn read(
     gateway: &Gateway<'_>,
     options: &Options,
@@ -40,7 +40,7 @@ pub fn read(
     Ok(Some(settings))
 }
 
-/// Opens the TCP ports of `settings`, or of the demo. One that cannot be opened is an error: whoever configured it counts on it.
+/// Opens the TCP ports of `settings`, or of the demo. Fails if one cannot be opened: its user relies on it.
 pub fn listen(settings: Option<Settings>, options: &Options, sockets: &TcpSockets) -> Result<Start, String> {
     let Some(settings) = settings else { return demo::start(options, sockets) };
     let open = |(name, at)| sockets.open(at).map_err(|error| format!("port {name}: TCP port {at}: {error}"));

@@ -1,8 +1,8 @@
 //! The console on standard input and output.
 //!
-//! Threads do the reading and writing: epoll refuses files, and making a terminal non-blocking would do so to everything
-//! else that has it open, the shell included. On a terminal the console edits and echoes by itself, so the
-//! terminal is put into raw mode until [`RawMode`] is dropped.
+//! Threads read and write: epoll does not support files, and a non-blocking terminal would be so for all processes that have it
+//! open, the shell included. At a terminal the console edits and echoes by itself, so the terminal is in raw mode until [`RawMode`]
+//! is dropped.
 
 use std::io::{self, Read as _, stdin};
 use std::os::unix::net::UnixStream;
@@ -22,14 +22,14 @@ use crate::sink::Sink;
 /// Standard input and output as one stream.
 #[derive(Debug)]
 pub struct Stdio {
-    /// What a thread has read.
+    /// Bytes read by a thread.
     input: Descriptor<UnixStream>,
     output: Sink<Screen>,
     ended: bool,
 }
 
 impl Stdio {
-    /// The program's standard streams; an error when it runs in the background of a terminal: reading would stop it.
+    /// Opens the standard streams. Fails if the program is in a terminal's background: reading would stop it.
     pub fn open() -> io::Result<Self> {
         if isatty(stdin()) && tcgetpgrp(stdin()).is_ok_and(|foreground| foreground != getpgrp()) {
             return Err(io::Error::other("in the background of a terminal"));
@@ -40,7 +40,7 @@ impl Stdio {
         Ok(Self { input: Descriptor::new(ours)?, output: Sink::new(Screen)?, ended: false })
     }
 
-    /// Whether a read has met the end of input.
+    /// Whether a read has reached the end of input.
     pub fn has_ended(&self) -> bool {
         self.ended
     }
@@ -68,8 +68,8 @@ impl Write for Stdio {
     }
 }
 
-/// Hands on what is typed until one of the two ends. A console at a terminal is told how wide that is, at first and whenever Enter is
-/// pressed.
+/// Forwards input until either side ends. A console at a terminal is sent the terminal's size at the start and, if it has changed,
+/// when Enter is pressed.
 pub(crate) fn hand_on(mut from: impl io::Read, mut to: impl io::Write, terminal: bool) {
     let report = || screen::size_report().filter(|_| terminal).unwrap_or_default();
     let mut piece = [0; 4096];
@@ -92,15 +92,15 @@ pub(crate) fn hand_on(mut from: impl io::Read, mut to: impl io::Write, terminal:
     }
 }
 
-/// Holds the terminal in raw mode; dropping it, also by a panic, brings the old mode back.
+/// Keeps the terminal in raw mode; restores the old mode on drop, even during a panic.
 #[derive(Debug)]
 pub struct RawMode(Termios);
 
 impl RawMode {
-    /// Puts standard input into raw mode when it is a terminal that this program may change.
+    /// Puts standard input into raw mode, if it is a terminal in whose foreground this program runs.
     ///
-    /// Ctrl-C becomes a key of the console, and Ctrl-Z none, because the shell would be left with a raw terminal; Ctrl-\ stays a
-    /// signal, for a program that does not react. Output keeps its line endings for log lines.
+    /// Ctrl-C becomes a key of the console. Ctrl-Z is disabled, because it would leave the shell with a raw terminal. Ctrl-\ stays
+    /// a signal, in case the program hangs. Output keeps its line-end translation for log lines.
     pub fn enter() -> Option<Self> {
         let old = tcgetattr(stdin()).ok()?;
         if tcgetpgrp(stdin()).ok()? != getpgrp() {

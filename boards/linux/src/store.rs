@@ -1,4 +1,4 @@
-//! The settings' text in a file, whose comments and order a save keeps.
+//! The settings' text in a file; saving keeps its comments and order.
 
 use std::cell::RefCell;
 use std::path::{Path, PathBuf};
@@ -10,22 +10,22 @@ use crate::file::{self, TEXT_BYTES_MAX};
 use crate::merge::merge;
 use crate::worker;
 
-/// The configuration file, or none when the program was started without one. Clones are the same file.
+/// The configuration file; `None` if the program was started without one. Clones share the file.
 #[derive(Debug, Clone)]
 pub struct FileStore {
     path: Option<PathBuf>,
-    /// What was read last.
+    /// The text read last.
     read: Vec<u8>,
-    /// The version that is being written.
+    /// The version being written.
     next: String,
-    /// It is written also where the file has been edited.
+    /// Overwrite the file even if it was edited.
     whatever: bool,
-    /// What the file had when the gateway took it over, or was given: what else stands there somebody else has written.
+    /// The file's text when last applied or saved: any other text is somebody's edit.
     known: Rc<RefCell<Option<Vec<u8>>>>,
 }
 
 impl FileStore {
-    /// Keeps the settings in the file at `path`. Removes what an interrupted save has left beside it.
+    /// Stores the settings in the file at `path`. Removes temporary files of an interrupted save.
     pub fn new(path: Option<PathBuf>) -> Self {
         if let Some(path) = &path {
             file::sweep(path);
@@ -33,18 +33,18 @@ impl FileStore {
         Self::untouched(path)
     }
 
-    /// The file at `path`, to be read only.
+    /// Opens the file at `path` for reading only.
     pub fn untouched(path: Option<PathBuf>) -> Self {
         Self { path, read: Vec::new(), next: String::new(), whatever: false, known: Rc::default() }
     }
 
-    /// Where the file is.
+    /// The path of the file.
     pub fn path(&self) -> Result<&Path, StoreError> {
         self.path.as_deref().ok_or(StoreError::Absent("start with --config FILE"))
     }
 
-    /// Writes the settings that the lines of `text` say into a file beside this one, in its form: what a save would have made of
-    /// the text that was read. Gives its path.
+    /// Writes the settings in `text` to a file beside this one, merged into the text last applied or saved, as a save would do.
+    /// Returns its path.
     pub fn keep_aside(&self, text: &str) -> Result<PathBuf, String> {
         let path = self.path().map_err(|error| error.to_string())?;
         let mut name = file::resolve(path).into_os_string();
@@ -84,7 +84,7 @@ impl Store for FileStore {
         let (text, whatever) = (std::mem::take(&mut self.next), std::mem::take(&mut self.whatever));
         let known = self.known.borrow().clone();
         let is_known = move |old: &[u8]| whatever || known.is_some_and(|known| known == old);
-        // fsync may take long, and the executor serves the lines meanwhile.
+        // fsync may be slow, and the executor must keep serving the lines.
         let written = worker::once(move || write(&path, &text, is_known)).await;
         let written = written.map_err(|error| StoreError::Refused(file::reason(&error)))??;
         *self.known.borrow_mut() = Some(written);
@@ -101,7 +101,7 @@ impl Store for FileStore {
     }
 }
 
-/// Puts the settings that the lines of `new` say into the file at `path`, if its text `is_known`; gives what then stands there.
+/// Merges the settings in `new` into the file at `path`, if its text `is_known`; returns the text written.
 fn write(path: &Path, new: &str, is_known: impl FnOnce(&[u8]) -> bool) -> Result<Vec<u8>, StoreError> {
     file::sweep(path);
     let old = match file::read(path).map_err(StoreError::Refused)? {
@@ -146,7 +146,7 @@ mod tests {
         Ok(String::from_utf8_lossy(&text[..count]).into_owned())
     }
 
-    /// A folder, its file with the old text, and the store there.
+    /// A folder, its file with the old text, and a store for it.
     fn store() -> (tempfile::TempDir, std::path::PathBuf, FileStore) {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("mobgate.conf");
@@ -183,7 +183,7 @@ mod tests {
         store.taken_over();
         fs::write(&path, "# edited\n").unwrap();
         assert_eq!(save(&mut store, NEW), Err(StoreError::Edited));
-        // That it was read and found wrong does not help.
+        // Reading an invalid text does not make it known.
         read(&mut store).unwrap();
         assert_eq!(save(&mut store.clone(), NEW), Err(StoreError::Edited));
         assert_eq!(fs::read_to_string(&path).unwrap(), "# edited\n");
@@ -192,7 +192,7 @@ mod tests {
         assert_eq!(fs::read_to_string(&path).unwrap(), format!("# edited\n{NEW}"));
         fs::write(&path, "# edited again\n").unwrap();
         assert_eq!(save(&mut store, NEW), Err(StoreError::Edited), "force is for once");
-        // Another session's store of the same file takes it over.
+        // Another session's store of the same file applies it.
         let mut other = store.clone();
         read(&mut other).unwrap();
         other.taken_over();

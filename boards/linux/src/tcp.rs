@@ -1,8 +1,7 @@
-//! TCP connections: hosts that share listening sockets, and the streams that they accept; a connector for those to outside
-//! servers.
+//! TCP connections: hosts with shared listening sockets, accepted streams, and a connector to other servers.
 //!
-//! A connection task asks its host for the next connection at an address. The first to ask opens the listener; it
-//! closes when nobody waits on it and no connection from it is left.
+//! A connection task asks its host for the next connection at an address. The first one opens the listener, which closes when no
+//! task waits on it and none of its connections is left.
 
 use std::cell::RefCell;
 use std::io::{self, Read as _, Write as _};
@@ -25,7 +24,7 @@ mod options;
 pub use connector::Connector;
 pub use listener::Listener;
 
-/// Time that an orderly end of a connection may take.
+/// Time limit of an orderly close.
 const CLOSE_MAX: Duration = Duration::from_millis(250);
 
 /// Accepts connections; clones share the listeners.
@@ -36,11 +35,11 @@ pub struct TcpSockets {
     next: Option<Rc<Listener>>,
 }
 
-/// A listener that some connection task holds, and where it listens.
+/// A listener held by some connection task, and its address.
 type Shared = (TcpListen, Weak<Listener>);
 
 impl TcpSockets {
-    /// The listener at `listen`, opened if it is not open yet. It stays open as long as it is held.
+    /// The listener at `listen`, opened if necessary. It stays open as long as it is held.
     pub fn open(&self, listen: &TcpListen) -> Result<Rc<Listener>, OpenError> {
         let mut listeners = self.listeners.borrow_mut();
         listeners.retain(|(_, listener)| listener.strong_count() > 0);
@@ -70,11 +69,11 @@ impl TcpHost for TcpSockets {
     }
 }
 
-/// A connection, accepted or made.
+/// A connection, incoming or outgoing.
 #[derive(Debug)]
 pub struct TcpStream {
     io: Descriptor<std::net::TcpStream>,
-    /// Keeps the listener open while this is its only connection task and busy, so that no newcomer is refused.
+    /// Keeps the listener open while its only connection task is busy, so that new clients are not refused.
     _listener: Option<Rc<Listener>>,
 }
 
@@ -121,7 +120,7 @@ impl Write for TcpStream {
         self.io.write_with(|mut stream| stream.write(from))
     }
 
-    /// Nothing is held back: Nagle is off.
+    /// Nothing is buffered: Nagle is off.
     async fn flush(&mut self) -> io::Result<()> {
         Ok(())
     }

@@ -1,7 +1,7 @@
-//! Serial lines: a Linux tty in raw mode, opened for this program alone, read and written through epoll.
+//! Serial lines: a Linux tty in raw mode, opened exclusively, read and written through epoll.
 //!
-//! Opening talks to the device (an USB adapter takes some milliseconds), so it is done on a worker thread. Reading and
-//! writing never block: the port's task sleeps in the executor until the descriptor is ready.
+//! Opening communicates with the device (a USB adapter takes some milliseconds), so a worker thread does it. Reading and writing
+//! never block: the port's task sleeps in the executor until the descriptor is ready.
 
 use std::fs::File;
 use std::io::{self, Read as _, Write as _};
@@ -29,13 +29,13 @@ mod receiver;
 
 use receiver::Receiver;
 
-/// Major device numbers of the slave side of Unix98 PTYs, which have no real line and know no parity.
+/// Major device numbers of the slave side of Unix98 PTYs, which have no physical line and no parity.
 const PTY_MAJORS: std::ops::RangeInclusive<u32> = 136..=143;
 
-/// The 16 ms for which an FTDI adapter may hold characters back, and the scheduler's delay.
+/// An FTDI adapter may hold characters back for 16 ms; the rest is scheduling delay.
 const READ_JITTER: Duration = Duration::from_millis(20);
 
-/// Opens `/dev/...` names, links to them such as those under `/dev/serial/by-id`, and bare names (`ttyUSB0`).
+/// Opens `/dev/...` names, symbolic links such as those in `/dev/serial/by-id`, and bare names (`ttyUSB0`).
 #[derive(Debug, Clone, Default)]
 pub struct TtyHost;
 
@@ -44,11 +44,11 @@ pub struct TtyHost;
 pub struct Tty {
     io: Descriptor<File>,
     receiver: Receiver,
-    /// If that switches the transceiver's driver.
+    /// Set if RTS switches the transceiver's driver.
     rts: Option<Rts>,
 }
 
-/// The same line, to switch its RTS, and who waits until its characters have left.
+/// A second handle of the line to switch its RTS, and a worker that waits until its characters have left.
 #[derive(Debug)]
 struct Rts {
     port: Arc<SerialPort>,
@@ -82,18 +82,18 @@ impl SerialHost for TtyHost {
     }
 }
 
-/// The file that `device` names.
+/// The path of `device`.
 fn path(device: &str) -> PathBuf {
-    // An absolute name replaces the folder it is joined to.
+    // Joining an absolute path replaces the folder.
     Path::new("/dev").join(device)
 }
 
-/// Whether two names are one line's: they lead to one device, or will when it is plugged in.
+/// Whether two names mean the same line: they lead to one device, or will when it is plugged in.
 pub fn are_same(one: &str, other: &str) -> bool {
     one == other || identity(one) == identity(other)
 }
 
-/// The number of a character device, or else the path at which it is missed.
+/// The number of a character device, or the resolved path if there is none.
 fn identity(device: &str) -> Result<u64, PathBuf> {
     let path = path(device);
     let number = std::fs::metadata(&path).ok().filter(|facts| facts.file_type().is_char_device());
@@ -111,18 +111,18 @@ fn open(device: PathBuf, line: &LineSettings) -> Result<SerialPort, OpenError> {
         return Err(error);
     }
     low_latency::request(&port, &device);
-    // What came in before belongs to nobody's request.
+    // Characters received before belong to no request.
     let _ = tcflush(&port, QueueSelector::IFlush);
     Ok(port)
 }
 
-/// Leaves the transceiver's driver to the kernel, or switches it off until something is sent.
+/// Leaves the transceiver's driver to the kernel, or switches it off until the first transmission.
 fn prepare_driver(port: &mut SerialPort, line: &LineSettings) -> Result<(), OpenError> {
     let refused = |hint| OpenError::new(OpenErrorKind::Unsupported, hint);
     match line.driver {
         Driver::Automatic => Ok(()),
         Driver::Rs485 => {
-            // The kernel counts in milliseconds: never less than what was asked for.
+            // The kernel counts milliseconds: round up.
             let delay = |time: Duration| std::time::Duration::from_millis(time.as_micros().div_ceil(1_000));
             let mut config = Rs485Config::new();
             config.set_delay_before_send(delay(line.driver_before));
@@ -134,14 +134,14 @@ fn prepare_driver(port: &mut SerialPort, line: &LineSettings) -> Result<(), Open
     }
 }
 
-/// Keeps other programs away from the line: TIOCEXCL refuses later opens, the lock refuses programs that use locks
-/// and holds against root as well, whom TIOCEXCL does not stop.
+/// Keeps other programs off the line: TIOCEXCL makes later opens fail, and the lock stops programs that use locks, even root's, to
+/// whom TIOCEXCL does not apply.
 fn claim(port: &SerialPort) -> Result<(), Errno> {
     flock(port, FlockOperation::NonBlockingLockExclusive)?;
     ioctl_tiocexcl(port)
 }
 
-/// Lets other programs open the line again: the exclusive mode of a PTY outlives this descriptor as long as its other side is open.
+/// Allows other programs to open the line again: the exclusive mode of a PTY outlives this descriptor while its other side is open.
 fn release(port: &impl AsFd) {
     let _ = ioctl_tiocnxcl(port);
 }
@@ -169,7 +169,7 @@ fn is_pty(port: &impl AsFd) -> bool {
     fstat(port).is_ok_and(|facts| PTY_MAJORS.contains(&major(facts.st_rdev)))
 }
 
-/// What a system error means for the user.
+/// Maps a system error to the user's.
 fn refusal(error: &io::Error, device: &Path) -> OpenError {
     let (kind, hint) = match Errno::from_io_error(error) {
         Some(Errno::NOENT | Errno::NODEV | Errno::NXIO | Errno::IO) => (OpenErrorKind::NotFound, ""),
@@ -189,7 +189,7 @@ impl SerialLine for Tty {
         if on {
             return port.set_rts(true);
         }
-        // An adapter may still hold characters back. Waiting for them blocks, so a worker does it.
+        // Adapters buffer characters. Waiting for them blocks, so a worker does it.
         let port = port.clone();
         let off = move || {
             port.flush()?;
@@ -222,7 +222,7 @@ impl Write for Tty {
         self.io.write_with(|mut file| file.write(from))
     }
 
-    /// Nothing is held back here. Waiting until the characters have left (tcdrain) would block every other task.
+    /// Nothing is buffered here. Waiting until the characters have left (tcdrain) would block all other tasks.
     async fn flush(&mut self) -> io::Result<()> {
         Ok(())
     }
@@ -230,7 +230,7 @@ impl Write for Tty {
 
 impl Drop for Tty {
     fn drop(&mut self) {
-        // Closing a tty waits for its output, up to 30 s when a device holds it back.
+        // Closing a tty waits for its output, up to 30 s if a device holds it back.
         let _ = tcflush(&self.io, QueueSelector::IOFlush);
         release(&self.io);
     }

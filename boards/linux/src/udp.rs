@@ -53,7 +53,7 @@ impl UdpSocket for Datagram {
     }
 }
 
-/// Whether an error is about one peer, which cannot be reached now, and not about the socket.
+/// Whether an error concerns one unreachable peer rather than the socket.
 fn is_peers(error: &io::Error) -> bool {
     let errno = Errno::from_io_error(error);
     matches!(

@@ -1,7 +1,6 @@
-//! Threads for what would block: opening a device, a slow disk, a terminal that has stopped.
+//! Threads for blocking work: opening a device, a slow disk, a stopped terminal.
 //!
-//! A worker's thread sleeps until there is work, without a time-out, and ends with its [`Worker`]: while nothing is to be done nothing
-//! wakes up.
+//! A worker's thread sleeps until there is work, without a time-out, and ends with its [`Worker`]: an idle worker never wakes up.
 
 use std::io;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
@@ -13,7 +12,7 @@ use embassy_sync::signal::Signal;
 
 type Work = Box<dyn FnOnce() + Send>;
 
-/// A thread that does one thing after the other.
+/// A thread that runs jobs in order.
 #[derive(Debug)]
 pub(crate) struct Worker(mpsc::Sender<Work>);
 
@@ -25,18 +24,18 @@ impl Worker {
         Ok(Self(sender))
     }
 
-    /// Gives what comes of `work`, which is done also if nobody waits for it any more.
+    /// Runs `work` and returns its result. The work is completed even if this future is dropped.
     pub(crate) async fn run<T: Send + 'static>(&self, work: impl FnOnce() -> T + Send + 'static) -> T {
         let done = Arc::new(Signal::<CriticalSectionRawMutex, thread::Result<T>>::new());
         let told = done.clone();
         let work = Box::new(move || told.signal(catch_unwind(AssertUnwindSafe(work))));
-        // The thread ends with the sender and, since panics are caught, not before.
+        // The thread ends only with the sender, since panics are caught.
         self.0.send(work).expect("the thread is there");
         done.wait().await.unwrap_or_else(|panic| resume_unwind(panic))
     }
 }
 
-/// Gives what comes of `work`, which a thread of its own does.
+/// Runs `work` in a separate thread and returns its result.
 pub(crate) async fn once<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> io::Result<T> {
     Ok(Worker::start()?.run(work).await)
 }

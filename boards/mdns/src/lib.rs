@@ -1,11 +1,10 @@
-//! How a gateway is found on the network: by multicast DNS (RFC 6762) it tells whoever asks for `_modbus._tcp` (RFC 6763) where its
-//! Modbus TCP servers are.
+//! Multicast DNS messages (RFC 6762): a gateway announces its Modbus TCP servers as `_modbus._tcp` services (RFC 6763).
 //!
-//! This is what is said, without a socket: [`answer`] to a query, [`announcement`] when there is something new, and
-//! [`farewell`] when there is nothing any more. A system sends that from [`PORT`] to [`GROUP`].
+//! No sockets: this crate writes the [`answer`] to a query, the [`announcement`] of a change, and the [`farewell`] at the end. A
+//! system sends them from [`PORT`] to [`GROUP`].
 //!
-//! A name that another host of the network has is not contested (RFC 6762, 8 and 9): a board's name ends in its Ethernet address, and
-//! a Linux machine's is its own.
+//! Names are not probed for conflicts (RFC 6762, 8 and 9): a board's name ends in its Ethernet address, and a Linux machine's is
+//! its own.
 #![no_std]
 #![forbid(unsafe_code)]
 
@@ -19,50 +18,50 @@ use embassy_time::{Duration, Instant};
 use heapless::{String, Vec};
 use mobgate::settings::{HOST_NAME_BYTES_MAX, NAME_BYTES_MAX, PORTS_MAX, Settings};
 
-/// Where queries and answers go (RFC 6762, 3).
+/// Destination of queries and answers (RFC 6762, 3).
 pub const GROUP: Ipv4Addr = Ipv4Addr::new(224, 0, 0, 251);
-/// The UDP port of both ends. Who asks from another one is no multicast DNS client: it is answered alone (RFC 6762, 6.7).
+/// The UDP port of both ends. A query from another port is a legacy one, answered by unicast (RFC 6762, 6.7).
 pub const PORT: u16 = 5353;
-/// Room for a message. What does not fit is left out: with short names that are more than three servers.
+/// Size of a message. Servers that do not fit are left out; with short names, about three fit.
 pub const MESSAGE_BYTES: usize = 400;
-/// What is said; nothing when it is empty.
+/// A message; empty if there is nothing to send.
 pub type Said = Vec<u8, MESSAGE_BYTES>;
-/// An announcement is sent so often (RFC 6762, 8.3).
+/// Number of times an announcement is sent (RFC 6762, 8.3).
 pub const ANNOUNCEMENTS: usize = 2;
-/// From one announcement to the next.
+/// Interval between announcements.
 pub const AGAIN: Duration = Duration::from_secs(1);
-/// How many hops its packets could make: those who listen may want to see that they have made none (RFC 6762, 11).
+/// IP TTL of its packets: receivers may check that they crossed no router (RFC 6762, 11).
 pub const HOPS: u8 = 255;
 
-/// What may be remembered for how long (RFC 6762, 10).
+/// How long records may be cached (RFC 6762, 10).
 const TTL: Ttl = Ttl::from_secs(120);
 const DOMAIN: &str = "local";
 const SERVICE: [&str; 3] = ["_modbus", "_tcp", DOMAIN];
-/// The list of all kinds of services (RFC 6763, 9).
+/// The list of all service types (RFC 6763, 9).
 const KINDS: [&str; 4] = ["_services", "_dns-sd", "_udp", DOMAIN];
-/// What there is to know of a server: a string with its length in front (RFC 6763, 6).
+/// TXT record of a server: a string with a length prefix (RFC 6763, 6).
 const ABOUT: &[u8] = b"\x0fproduct=mobgate";
-/// A name, a blank, and the name of a port: no more than the 63 bytes of a label.
+/// A name, a space, and a port's name: no more than the 63 bytes of a label.
 const INSTANCE_BYTES_MAX: usize = HOST_NAME_BYTES_MAX + 1 + NAME_BYTES_MAX;
-/// Such an instance and the service, and a length before each label.
+/// Such an instance and the service, each label with a length prefix.
 const DNS_NAME_BYTES_MAX: usize = 80;
 
-/// How often is answered at most, so that many questions cost nobody much: a requester repeats his (RFC 6762, 5.2).
+/// Limits the answer rate, so that a flood of queries costs little: queriers repeat theirs (RFC 6762, 5.2).
 pub struct Rate {
     second: Instant,
     answers: u8,
 }
 
 impl Rate {
-    /// Answers in a second.
+    /// Most answers per second.
     pub const RESPONSES_MAX: u8 = 10;
 
-    /// Nothing has been answered.
+    /// No answers yet.
     pub const fn new() -> Self {
         Self { second: Instant::from_ticks(0), answers: 0 }
     }
 
-    /// Whether one more may be answered `now`; then it is counted.
+    /// Whether another answer may be sent at `now`; if so, counts it.
     pub fn admits(&mut self, now: Instant) -> bool {
         if now >= self.second + Duration::from_secs(1) {
             *self = Self { second: now, answers: 0 };
@@ -79,24 +78,23 @@ impl Default for Rate {
     }
 }
 
-/// A name as it is in messages.
+/// A name in wire format.
 type DnsName = Name<Vec<u8, DNS_NAME_BYTES_MAX>>;
 
-/// A gateway as one of its networks sees it.
+/// A gateway as seen on one of its networks.
 #[derive(Clone, Copy)]
 pub struct Gateway<'s> {
     /// Its settings.
     pub settings: &'s Settings,
-    /// Its name unless the settings say another: a label of letters, digits and `-`.
+    /// Its name, unless the settings set another: a label of letters, digits and `-`.
     pub own_name: &'s str,
-    /// The name of the host at `address`; the gateway's, if the host is nothing else.
+    /// The host name at `address`; `None` if it is the gateway's name.
     pub host: Option<&'s str>,
-    /// Its address there.
+    /// Its address on that network.
     pub address: Ipv4Addr,
 }
 
-/// Writes the response to `query`. There is nothing to say when it asks for something else, is no query, or the gateway is not to be
-/// found.
+/// Writes the response to `query`; empty if the message is no query or asks for something else, or if the gateway is hidden.
 pub fn answer(gateway: Gateway<'_>, query: &[u8], from_port: u16, said: &mut Said) {
     said.clear();
     let Ok(query) = Message::from_octets(query) else { return };
@@ -124,7 +122,7 @@ pub fn answer(gateway: Gateway<'_>, query: &[u8], from_port: u16, said: &mut Sai
         if message.counts().ancount() == 0 {
             return Ok(false);
         }
-        // Who looks for servers will ask for what they are (RFC 6763, 12.1).
+        // A client that browses for servers will ask for these next (RFC 6763, 12.1).
         let mut message = message.additional();
         records.visit(&mut |owner, data| {
             let is_service = questions().any(|question| question.qname().name_eq(&records.service));
@@ -135,17 +133,17 @@ pub fn answer(gateway: Gateway<'_>, query: &[u8], from_port: u16, said: &mut Sai
     });
 }
 
-/// Writes what is sent to all when the gateway or its settings are new.
+/// Writes the announcement of a new gateway, or of changed settings.
 pub fn announcement(gateway: Gateway<'_>, said: &mut Said) {
     gateway.says(said, |records, said| records.all(said, TTL));
 }
 
-/// Writes what is sent to all when what was announced with these settings is so no more (RFC 6762, 10.1).
+/// Writes the withdrawal of what was announced with these settings (RFC 6762, 10.1).
 pub fn farewell(gateway: Gateway<'_>, said: &mut Said) {
     gateway.says(said, |records, said| records.all(said, Ttl::ZERO));
 }
 
-/// A response of one who is asked for his own (RFC 6762, 18).
+/// An authoritative response (RFC 6762, 18).
 fn response(said: &mut Said) -> Result<MessageBuilder<StaticCompressor<&mut Said>>, PushError> {
     let mut message =
         MessageBuilder::from_target(StaticCompressor::new(said)).map_err(|_| PushError::ShortBuf)?;
@@ -155,7 +153,7 @@ fn response(said: &mut Said) -> Result<MessageBuilder<StaticCompressor<&mut Said
 }
 
 impl Gateway<'_> {
-    /// Lets `say` write to `said`, of as many servers as there is room for; that says whether it is something.
+    /// Lets `say` write to `said` with as many servers as fit; `say` returns whether there is anything to send.
     fn says(self, said: &mut Said, say: impl Fn(&Records<'_>, &mut Said) -> Result<bool, PushError>) {
         said.clear();
         let something = self.records().is_some_and(|mut records| {
@@ -171,7 +169,7 @@ impl Gateway<'_> {
         }
     }
 
-    /// What there is to be said, of no server.
+    /// All records, still without servers.
     fn records(&self) -> Option<Records<'_>> {
         let name = self.settings.mdns_name(self.own_name)?;
         let host = dns_name(&[self.host.unwrap_or(name), DOMAIN])?;
@@ -180,11 +178,11 @@ impl Gateway<'_> {
     }
 }
 
-/// What there is to be said.
+/// The records of a gateway.
 struct Records<'s> {
     gateway: Gateway<'s>,
     name: &'s str,
-    /// How many of its servers.
+    /// Number of its servers to include.
     servers: usize,
     kinds: DnsName,
     service: DnsName,
@@ -195,13 +193,13 @@ struct Records<'s> {
 enum Data<'a> {
     Address(Ipv4Addr),
     Pointer(&'a DnsName),
-    /// The port and the host.
+    /// Port and host.
     Server(u16, &'a DnsName),
     About,
 }
 
 impl Records<'_> {
-    /// Gives `each` every record with its owner.
+    /// Calls `each` with every record and its owner.
     fn visit(
         &self,
         each: &mut dyn FnMut(&DnsName, Data<'_>) -> Result<(), PushError>,
@@ -210,10 +208,10 @@ impl Records<'_> {
         each(host, Data::Address(*address))?;
         each(kinds, Data::Pointer(service))?;
         for (nth, (port_name, port)) in settings.modbus_servers(*address).take(*servers).enumerate() {
-            // The first one has the gateway's name alone.
+            // The first server has the gateway's name alone.
             let parts = if nth == 0 { [name, "", ""] } else { [name, " ", port_name] };
             let mut instance = String::<INSTANCE_BYTES_MAX>::new();
-            // It has room for all three.
+            // Sized for all three.
             parts.iter().for_each(|part| _ = instance.push_str(part));
             let [kind, protocol, domain] = SERVICE;
             let Some(instance) = dns_name(&[&instance, kind, protocol, domain]) else { continue };
@@ -224,7 +222,7 @@ impl Records<'_> {
         Ok(())
     }
 
-    /// Writes all of them as answers that nobody asked for.
+    /// Writes all records as an unsolicited response.
     fn all(&self, said: &mut Said, ttl: Ttl) -> Result<bool, PushError> {
         let mut message = response(said)?.answer();
         self.visit(&mut |owner, data| data.push(&mut message, owner, ttl))?;
@@ -242,7 +240,7 @@ impl Data<'_> {
         }
     }
 
-    /// Appends it to a section of a message.
+    /// Appends the record to a section of a message.
     fn push<'s>(
         self,
         section: &mut impl RecordSectionBuilder<StaticCompressor<&'s mut Said>>,
@@ -258,7 +256,7 @@ impl Data<'_> {
     }
 }
 
-/// A name of these labels; none, if they are no labels.
+/// A name of these labels; `None` if they are invalid.
 fn dns_name(labels: &[&str]) -> Option<DnsName> {
     let mut name = Vec::new();
     for label in labels {

@@ -1,4 +1,4 @@
-//! The board's own address: what the settings say, for embassy-net, and what has come of it, for `show network`.
+//! The board's own address: set in embassy-net from the settings, and reported to `show network`.
 
 use embassy_net::{ConfigV4, DhcpConfig, HardwareAddress, Ipv4Cidr, Stack, StaticConfigV4};
 use heapless::String;
@@ -6,14 +6,14 @@ use mobgate::gateway::Gateway;
 use mobgate::hal::NetworkState;
 use mobgate::settings::{OwnNetwork, StaticAddress};
 
-/// The settings of a stack whose board is to come by its address in this way.
+/// embassy-net's configuration for these settings.
 pub fn stack_config(network: &OwnNetwork) -> embassy_net::Config {
     let mut config = embassy_net::Config::default();
     config.ipv4 = ipv4(network);
     config
 }
 
-/// Gives `stack` another address whenever the settings change, for ever. What is connected by the old one breaks.
+/// Reconfigures `stack` whenever the settings change; never returns. Connections over the old address break.
 pub async fn follow(gateway: &Gateway<'_>, stack: Stack<'static>) -> ! {
     loop {
         let network = gateway.new_network().await;
@@ -21,7 +21,7 @@ pub async fn follow(gateway: &Gateway<'_>, stack: Stack<'static>) -> ! {
     }
 }
 
-/// How the network does.
+/// The current state of the network.
 pub fn state(stack: Stack<'static>) -> NetworkState {
     let address = stack.config_v4().map(|own| StaticAddress {
         address: own.address.address(),
@@ -37,7 +37,7 @@ fn ipv4(network: &OwnNetwork) -> ConfigV4 {
     match network {
         OwnNetwork::Dhcp { name } => {
             let mut dhcp = DhcpConfig::default();
-            // It is as long as a name of ours may be.
+            // Both limit names to the same length.
             dhcp.hostname = name.as_str().try_into().ok().filter(|name: &String<_>| !name.is_empty());
             ConfigV4::Dhcp(dhcp)
         }

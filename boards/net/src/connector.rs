@@ -1,4 +1,4 @@
-//! Connections that the gateway makes to outside servers.
+//! Outgoing connections of the gateway to servers.
 
 use core::net::{IpAddr, Ipv4Addr};
 
@@ -10,7 +10,7 @@ use crate::names;
 use crate::pool::Sockets;
 use crate::tcp::{IPV4_ONLY, TcpStream, set_up};
 
-/// Makes connections.
+/// Opens outgoing connections.
 #[derive(Clone, Copy)]
 pub struct Connector(&'static Sockets);
 
@@ -35,18 +35,18 @@ impl TcpConnect for Connector {
         }
         let mut pooled = self.0.tcp()?;
         pooled.get().connect((address, server.port)).await.map_err(refusal)?;
-        // Behind the handshake, whose time the caller limits.
+        // After the handshake, whose time the caller limits.
         set_up(pooled.get());
         Ok(TcpStream::new(pooled))
     }
 }
 
-/// Whether packets for `server` know where to go; embassy-net would wait for ever.
+/// Whether there is a route to `server`; embassy-net would wait for ever.
 fn has_way(sockets: &Sockets, server: Ipv4Addr) -> bool {
     sockets.stack().config_v4().is_some_and(|own| own.gateway.is_some() || own.address.contains_addr(&server))
 }
 
-/// What embassy-net's error means for the user.
+/// Maps embassy-net's error to the user's.
 fn refusal(error: ConnectError) -> OpenError {
     match error {
         ConnectError::ConnectionReset => {

@@ -1,17 +1,17 @@
-//! The gateway's sockets on embassy-net, for every board that has an Ethernet of its own.
+//! The gateway's sockets on embassy-net, for boards with their own Ethernet.
 //!
-//! A board makes a stack over its Ethernet driver, [`Sockets`] over the stack and a pool of buffers, and two tasks: one for
-//! embassy-net's runner, one for [`Sockets::run`], [`address::follow`] and [`mdns::run`]. Its connections, ports and consoles get copies of [`TcpSockets`],
-//! [`Connector`] and [`Datagrams`]; each connection and each UDP socket takes one buffer of the pool while it is open.
+//! A board creates a stack over its Ethernet driver, [`Sockets`] over the stack and a pool of buffers, and two tasks: one for
+//! embassy-net's runner, one for [`Sockets::run`], [`address::follow`] and [`mdns::run`]. Its connections, ports and consoles get
+//! copies of [`TcpSockets`], [`Connector`] and [`Datagrams`]; each open connection or UDP socket takes one buffer of the pool.
 #![no_std]
-// Where a socket's buffer is lent and taken back (`pool`), and nowhere else.
+// Allowed only where a socket's buffer is lent and returned (`pool`).
 #![deny(unsafe_code)]
 
 pub mod address;
 mod closing;
 mod connector;
 pub mod mdns;
-// One of two: images that have no names have no resolver either.
+// Images without server names need no resolver.
 #[cfg_attr(not(feature = "servers"), path = "no_names.rs")]
 mod names;
 mod pool;
@@ -23,6 +23,5 @@ pub use pool::{SOCKETS_MAX, Sockets};
 pub use tcp::{TcpSockets, TcpStream};
 pub use udp::{Datagram, Datagrams};
 
-/// Places that a stack's resources need besides those for [`Sockets`]: for DHCP, for multicast DNS, and for
-/// look-ups of names.
+/// Sockets that a stack's resources need besides those of [`Sockets`]: DHCP, multicast DNS, and DNS look-ups.
 pub const STACK_SOCKETS: usize = if cfg!(feature = "servers") { 3 } else { 2 };

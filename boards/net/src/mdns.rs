@@ -1,4 +1,4 @@
-//! The gateway is found on the board's network by multicast DNS.
+//! Makes the gateway discoverable on the board's network by multicast DNS.
 
 use core::fmt::Write as _;
 use core::net::Ipv4Addr;
@@ -16,20 +16,20 @@ use mobgate_mdns::{
 
 use crate::address::state;
 
-/// Longest query. Those for one kind of service are shorter.
+/// Longest query. Queries for one service type are shorter.
 const QUERY_BYTES_MAX: usize = 300;
 
-/// Everybody who listens.
+/// All mDNS hosts of the link.
 const ALL: IpEndpoint = IpEndpoint::new(IpAddress::Ipv4(GROUP), PORT);
 
-/// Answers as long as the settings of `gateway` have something to be found at `stack`, for ever. What is not to be found any more
-/// is forgotten after two minutes: a board does not keep what it has said, to take it back.
+/// Answers while the settings of `gateway` announce something at `stack`; never returns. Withdrawn records expire after two
+/// minutes: a board does not remember what it has announced, so it sends no farewell.
 pub async fn run(gateway: &Gateway<'_>, stack: Stack<'static>) {
     let (mut received, mut sent) = ([PacketMetadata::EMPTY; 1], [PacketMetadata::EMPTY; 1]);
     let (mut query, mut answers) = ([0; QUERY_BYTES_MAX], [0; MESSAGE_BYTES]);
     let mut socket = UdpSocket::new(stack, &mut received, &mut query, &mut sent, &mut answers);
     socket.set_hop_limit(Some(HOPS));
-    // Nobody else has the port, and there is room for one group.
+    // The port has no other user, and there is room for one group.
     let _ = (socket.bind(PORT), stack.join_multicast_group(GROUP));
     let (name, mut said) = (own_name(state(stack).hardware), Said::new());
     let mut rate = Rate::new();
@@ -62,22 +62,22 @@ pub async fn run(gateway: &Gateway<'_>, stack: Stack<'static>) {
                 Either4::Fourth(()) => break,
             };
             if !said.is_empty() {
-                // What is lost is asked again.
+                // A lost message is asked for again.
                 let _ = socket.send_to(&said, to).await;
             }
         }
     }
 }
 
-/// A board's name unless the settings say another: no other one has it.
+/// A board's unique default name.
 fn own_name([.., a, b, c]: [u8; 6]) -> String<HOST_NAME_BYTES_MAX> {
     let mut name = String::new();
-    // It has room.
+    // It fits.
     let _ = write!(name, "mobgate-{a:02x}{b:02x}{c:02x}");
     name
 }
 
-/// What it is while something is waited for: a datagram that has come is looked at while the stack is in use.
+/// Shared with the datagram callback, which runs while the stack is borrowed.
 struct Responder<'s, 'g> {
     gateway: &'s Gateway<'g>,
     name: &'s str,

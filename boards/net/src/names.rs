@@ -1,4 +1,4 @@
-//! Names of servers, looked up by the name servers that DHCP or the settings say.
+//! Resolves server names through the DNS servers set by DHCP or the settings.
 
 use core::net::Ipv4Addr;
 
@@ -6,7 +6,7 @@ use embassy_net::Stack;
 use embassy_net::dns::{DnsQueryType, Error, IpAddress};
 use mobgate::hal::{OpenError, OpenErrorKind};
 
-/// The address of the host called `name`. The caller limits the time: nobody may answer.
+/// The address of host `name`. The caller limits the time: there may be no answer.
 pub(crate) async fn look_up(stack: Stack<'static>, name: &str) -> Result<Ipv4Addr, OpenError> {
     let not_found = |hint| OpenError::new(OpenErrorKind::NotFound, hint);
     if stack.config_v4().is_none_or(|own| own.dns_servers.is_empty()) {

@@ -1,11 +1,11 @@
-//! What stands for look-ups where settings have no names.
+//! Stub of the resolver, for images without server names.
 
 use core::net::Ipv4Addr;
 
 use embassy_net::Stack;
 use mobgate::hal::{OpenError, OpenErrorKind};
 
-/// There is no address: there are no names either.
+/// Always fails.
 pub(crate) async fn look_up(_: Stack<'static>, _: &str) -> Result<Ipv4Addr, OpenError> {
     Err(OpenError::new(OpenErrorKind::Unsupported, ""))
 }

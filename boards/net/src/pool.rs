@@ -1,4 +1,4 @@
-//! The board's sockets: a buffer for each, lent to a connection and taken back when embassy-net has forgotten the socket.
+//! The board's sockets: one buffer each, lent to a connection and returned once embassy-net has released the socket.
 
 use core::cell::RefCell;
 use core::ptr::NonNull;
@@ -12,39 +12,38 @@ use mobgate::hal::{OpenError, OpenErrorKind};
 
 use crate::closing::end;
 
-/// Most sockets that a pool holds.
+/// Most sockets in a pool.
 pub const SOCKETS_MAX: usize = 32;
 
 /// The sockets that a board can have open at a time.
 ///
-/// The stack's resources need one place for each of them and some of its own: `StackResources<{ SOCKETS + STACK_SOCKETS }>`.
+/// The stack's resources need a slot for each of them and some for its own use: `StackResources<{ SOCKETS + STACK_SOCKETS }>`.
 pub struct Sockets {
     pub(crate) stack: Stack<'static>,
     free: RefCell<Vec<&'static mut [u8], SOCKETS_MAX>>,
-    /// Connections that were dropped: their peers have yet to be told.
+    /// Dropped connections, whose peers are still to be told.
     dropped: RefCell<Vec<PooledTcp, SOCKETS_MAX>>,
     news: Signal<NoopRawMutex, ()>,
 }
 
 impl Sockets {
-    /// One socket of `stack` for each of `buffers`, up to [`SOCKETS_MAX`]. Half of a buffer is for what comes, the other
-    /// half for what goes.
+    /// One socket of `stack` for each of `buffers`, up to [`SOCKETS_MAX`]. Half of a buffer is for receiving, half for sending.
     pub fn new(stack: Stack<'static>, buffers: impl IntoIterator<Item = &'static mut [u8]>) -> Self {
         let free = RefCell::new(buffers.into_iter().take(SOCKETS_MAX).collect());
         Self { stack, free, dropped: RefCell::default(), news: Signal::new() }
     }
 
-    /// The network that the sockets are of.
+    /// The sockets' network stack.
     pub fn stack(&self) -> Stack<'static> {
         self.stack
     }
 
-    /// Sockets that could be opened now.
+    /// Number of sockets that could be opened now.
     pub fn free(&self) -> usize {
         self.free.borrow().len()
     }
 
-    /// Ends the connections that were dropped and not closed, for ever: a peer that is not told would wait in vain.
+    /// Closes connections that were dropped without closing; never returns. Their peers would wait in vain otherwise.
     pub async fn run(&self) -> ! {
         loop {
             let next = self.dropped.borrow_mut().pop();
@@ -55,23 +54,23 @@ impl Sockets {
         }
     }
 
-    /// A TCP socket, if one is left.
+    /// A TCP socket, if one is free.
     pub(crate) fn tcp(&'static self) -> Result<PooledTcp, OpenError> {
         let mut lease = Lease::take(self)?;
         let (receive, transmit) = lease.halves();
         Ok(PooledTcp { socket: TcpSocket::new(self.stack, receive, transmit), lease })
     }
 
-    /// Lets [`run`](Self::run) end a connection.
+    /// Leaves closing a connection to [`run`](Self::run).
     pub(crate) fn end_later(&self, mut socket: PooledTcp) {
         socket.get().close();
-        // As many places as sockets: it fits. If it did not, the socket would be gone without a word.
+        // As many slots as sockets, so it fits. Otherwise the socket would vanish silently.
         let _ = self.dropped.borrow_mut().push(socket);
         self.news.signal(());
     }
 }
 
-/// A TCP socket and its buffer. Fields are dropped in this order, so the buffer is free after the socket is gone.
+/// A TCP socket and its buffer. Fields drop in order, so the buffer is returned after the socket is gone.
 pub(crate) struct PooledTcp {
     socket: TcpSocket<'static>,
     lease: Lease,
@@ -87,24 +86,24 @@ impl PooledTcp {
     }
 }
 
-/// A buffer on loan from the pool, given back when dropped.
+/// A buffer on loan from the pool, returned on drop.
 pub(crate) struct Lease {
     sockets: &'static Sockets,
     buffer: NonNull<[u8]>,
 }
 
 impl Lease {
-    /// A buffer of the pool, if one is left.
+    /// A buffer of the pool, if one is free.
     pub(crate) fn take(sockets: &'static Sockets) -> Result<Self, OpenError> {
         let buffer = sockets.free.borrow_mut().pop();
         let buffer = buffer.ok_or(OpenError::new(OpenErrorKind::Exhausted, ""))?;
         Ok(Self { sockets, buffer: NonNull::from(buffer) })
     }
 
-    /// The two halves of the buffer, to be given to one socket, which is dropped before the lease.
+    /// The two halves of the buffer, for one socket that is dropped before the lease.
     pub(crate) fn halves(&mut self) -> (&'static mut [u8], &'static mut [u8]) {
-        // SAFETY: the buffer came from a `&'static mut` that this lease alone has. It is called once for each lease, and
-        // both owners of a lease declare the socket that gets the halves before the lease, or borrow from it.
+        // SAFETY: the buffer came from a `&'static mut` that only this lease has. This is called once per lease, and both owners of
+        // a lease declare the socket with the halves before the lease, or borrow from it.
         #[allow(unsafe_code)]
         let buffer = unsafe { self.buffer.as_mut() };
         buffer.split_at_mut(buffer.len() / 2)
@@ -116,7 +115,7 @@ impl Drop for Lease {
         // SAFETY: the socket with the halves is gone (see `halves`), so this is the only reference again.
         #[allow(unsafe_code)]
         let buffer = unsafe { self.buffer.as_mut() };
-        // It came from there: it fits.
+        // It was taken from there, so it fits.
         let _ = self.sockets.free.borrow_mut().push(buffer);
     }
 }

@@ -1,4 +1,4 @@
-//! Accepted TCP connections, and how any connection is set up.
+//! Accepted TCP connections, and the options of all connections.
 
 use core::net::{IpAddr, SocketAddr};
 
@@ -12,14 +12,14 @@ use mobgate::settings::TcpListen;
 use crate::closing::end;
 use crate::pool::{PooledTcp, Sockets};
 
-/// Time after which a peer that acknowledges nothing is gone.
+/// A peer that acknowledges nothing for this long is gone.
 const PEER_TIMEOUT: Duration = Duration::from_secs(30);
-/// A quiet peer is asked so often whether it is still there.
+/// Keep-alive interval of quiet peers.
 const KEEPALIVE: Duration = Duration::from_secs(10);
 
 pub(crate) const IPV4_ONLY: OpenError = OpenError::new(OpenErrorKind::Unsupported, "this board speaks IPv4");
 
-/// Accepts connections. Each host that waits has a listening socket of its own, so several may wait at one port.
+/// Accepts connections. Each waiting host has its own listening socket, so several may wait on one port.
 #[derive(Clone, Copy)]
 pub struct TcpSockets(&'static Sockets);
 
@@ -41,12 +41,12 @@ impl TcpHost for TcpSockets {
         let at = endpoint(self.0, listen)?;
         let mut pooled = self.0.tcp()?;
         let socket = pooled.get();
-        // Before it listens: a handshake that is never finished must end, too.
+        // Before listening: a handshake that is never completed must time out, too.
         set_up(socket);
         loop {
             match (socket.accept(at).await, socket.remote_endpoint()) {
                 (Ok(()), Some(peer)) => return Ok((TcpStream::new(pooled), address(peer))),
-                // It ended before it had begun: a peer that never finished the handshake.
+                // The peer gave up during the handshake.
                 (Ok(()), None) => socket.abort(),
                 (Err(_), _) => return Err(OpenError::new(OpenErrorKind::Failed, "")),
             }
@@ -54,7 +54,7 @@ impl TcpHost for TcpSockets {
     }
 }
 
-/// Where embassy-net shall listen.
+/// The endpoint for embassy-net to listen on.
 pub(crate) fn endpoint(sockets: &Sockets, listen: &TcpListen) -> Result<IpListenEndpoint, OpenError> {
     match listen.address {
         None => Ok(listen.port.into()),
@@ -76,24 +76,24 @@ pub(crate) fn address(endpoint: IpEndpoint) -> SocketAddr {
     SocketAddr::new(endpoint.addr.into(), endpoint.port)
 }
 
-/// What is set on every connection: Nagle off, and an end to half-open connections.
+/// Sets the options of every connection: Nagle off, and time-outs for half-open connections.
 pub(crate) fn set_up(socket: &mut TcpSocket<'static>) {
     socket.set_nagle_enabled(false);
     socket.set_keep_alive(Some(KEEPALIVE));
     socket.set_timeout(Some(PEER_TIMEOUT));
 }
 
-/// A connection, accepted or made. One that is dropped and not closed is ended by [`Sockets::run`].
+/// A connection, incoming or outgoing. [`Sockets::run`] closes those dropped without closing.
 pub struct TcpStream(Option<PooledTcp>);
 
 impl TcpStream {
-    /// A stream over a socket that is connected.
+    /// A stream over a connected socket.
     pub(crate) fn new(connected: PooledTcp) -> Self {
         Self(Some(connected))
     }
 
     fn socket(&mut self) -> Result<&mut TcpSocket<'static>, Error> {
-        // It is gone while the stream is being closed or dropped only.
+        // `None` only while the stream is being closed or dropped.
         self.0.as_mut().map(PooledTcp::get).ok_or(Error::ConnectionReset)
     }
 }
@@ -131,7 +131,7 @@ impl Write for TcpStream {
         self.socket()?.write(from).await
     }
 
-    /// Nothing is held back: Nagle is off. embassy-net's own flush would wait for the peer's acknowledgement.
+    /// Nothing is buffered here: Nagle is off. embassy-net's own flush would wait for the peer's acknowledgement.
     async fn flush(&mut self) -> Result<(), Error> {
         Ok(())
     }

@@ -1,4 +1,4 @@
-//! UDP sockets.
+//! UDP sockets on embassy-net.
 
 use core::net::SocketAddr;
 
@@ -9,12 +9,12 @@ use mobgate::settings::TcpListen;
 use crate::pool::{Lease, Sockets};
 use crate::tcp::{address, endpoint};
 
-/// Datagrams that a socket holds until they are received, as far as its buffer has room.
+/// Most received datagrams that a socket queues, if its buffer has room.
 const RECEIVED_MAX: usize = 4;
-/// Answers that wait for the network; the next one waits for them.
+/// Responses queued for sending; the next `send` waits.
 const TO_SEND_MAX: usize = 2;
 
-/// Opens a UDP socket; every port has one of these.
+/// Opens a UDP socket; every port has its own.
 pub struct Datagrams {
     sockets: &'static Sockets,
     received: [PacketMetadata; RECEIVED_MAX],
@@ -43,7 +43,7 @@ impl UdpHost for Datagrams {
     }
 }
 
-/// An open socket. Fields are dropped in this order, so the buffer is free after the socket is gone.
+/// An open socket. Fields drop in order, so the buffer is returned after the socket is gone.
 pub struct Datagram<'a> {
     socket: UdpSocket<'a>,
     _lease: Lease,
@@ -62,7 +62,7 @@ impl hal::UdpSocket for Datagram<'_> {
     async fn send(&mut self, datagram: &[u8], to: SocketAddr) -> Result<(), SocketLost> {
         let SocketAddr::V4(to) = to else { return Ok(()) };
         match self.socket.send_to(datagram, (*to.ip(), to.port())).await {
-            // No way there, or larger than any response: that is about one peer, and not about the socket.
+            // No route, or larger than any response: that concerns one peer, not the socket.
             Ok(()) | Err(SendError::NoRoute | SendError::PacketTooLarge) => Ok(()),
             Err(SendError::SocketNotBound) => Err(SocketLost),
         }

@@ -1,4 +1,4 @@
-//! mobgate on a NUCLEO-F429ZI: its clock tree; all else is as on the other NUCLEO-144 boards.
+//! mobgate on a NUCLEO-F429ZI: its clock tree. The rest is common to the NUCLEO-144 boards.
 #![no_std]
 #![no_main]
 
@@ -8,7 +8,7 @@ use embassy_stm32::rcc::{APBPrescaler, Hse, HseMode, Pll, PllMul, PllPDiv, PllPr
 use embassy_stm32::time::Hertz;
 use mobgate_stm32::nucleo144;
 
-// The linker's maps: a changed one links anew.
+// The linker's memory maps: a change must relink the image.
 const _: (&[u8], &[u8]) = (include_bytes!("../regions.x"), include_bytes!("../../../memory.x"));
 
 #[embassy_executor::main]
@@ -16,7 +16,7 @@ async fn main(spawner: Spawner) {
     nucleo144::run(spawner, "NUCLEO-F429ZI", embassy_stm32::init(clocks())).await
 }
 
-/// 168 MHz, the most without overdrive, from the 8 MHz of the ST-LINK.
+/// 168 MHz, the maximum without overdrive, from the 8 MHz of the ST-LINK.
 fn clocks() -> Config {
     let mut config = Config::default();
     config.rcc.hse = Some(Hse { freq: Hertz(8_000_000), mode: HseMode::Bypass });

@@ -1,4 +1,4 @@
-//! The board as the console sees it, and the settings that it begins with.
+//! The console's interface to the board, and the default settings.
 
 use core::fmt::Write;
 
@@ -24,7 +24,7 @@ use crate::lines::CONSOLE;
 use crate::semihosting::CommandLine;
 use crate::uart::{DIVISOR_MIN, Line};
 
-/// Settings as long as nothing is saved: each line has units of its own.
+/// Settings while none are saved: each line has its own range of units.
 const FIRST_SETTINGS: &str = "\
 port P1   serial uart1 rtu client 115200 8N1 timeout 300ms
 port P2   serial uart2 rtu client 115200 8N1 timeout 300ms
@@ -35,10 +35,10 @@ route P502 65-128  * * P2
 route P502 129-247 * * P3
 ";
 
-/// Where settings are kept.
+/// Storage of the settings.
 pub(crate) type Store = SharedStore<'static, NoopRawMutex, FileFlash>;
 
-/// Opens the store and lets the gateway take over what is saved there, or the first settings.
+/// Opens the store and applies the saved settings, or the default ones.
 pub(crate) fn load(gateway: &Gateway<'_>) -> Store {
     static STORE: StaticCell<Mutex<NoopRawMutex, FlashStore<FileFlash>>> = StaticCell::new();
     let flash = FileFlash::open().expect("a file for the flash: see boards/qemu_mps2/emulate");
@@ -60,12 +60,12 @@ pub(crate) fn load(gateway: &Gateway<'_>) -> Store {
 /// This board.
 pub(crate) struct Board {
     sockets: &'static Sockets,
-    /// Why its last run has ended, if that was a fault.
+    /// Why the last run ended, if it was a fault.
     last_words: Option<String<WORDS_BYTES_MAX>>,
 }
 
 impl Board {
-    /// The board as it has just started. The word `fault` on its command line makes it fail, once.
+    /// The board after a start. The word `fault` on the command line triggers a fault, once.
     pub(crate) fn new(sockets: &'static Sockets) -> Self {
         let last_words = mobgate_faults::take();
         if last_words.is_none() && CommandLine::read().has("fault") {
@@ -94,13 +94,13 @@ impl System for Board {
     }
 }
 
-/// Serves the terminal on UART 0, and saves the settings when an EtherCAT MainDevice wants that, for ever.
+/// Serves the terminal on UART 0, and saves the settings when an EtherCAT MainDevice requests it; never returns.
 pub(crate) async fn console(gateway: &Gateway<'_>, mut store: Store, board: Board) {
     let mut line = Line::open(CONSOLE, DIVISOR_MIN);
     let mut kept = store.another();
     let sessions = async {
         loop {
-            // After `exit` the next session begins: there is nowhere else to go.
+            // After `exit` a new session begins: there is no shell to return to.
             let Ok(_) = console::run(gateway, &mut line, &mut store, &board, Mode::Echo).await;
         }
     };

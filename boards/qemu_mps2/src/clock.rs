@@ -1,4 +1,4 @@
-//! embassy-time's clock: the board's counter of microseconds, alarms by a timer.
+//! embassy-time's clock: the board's microsecond counter, with alarms by a timer.
 
 use mobgate_board::clock::{Clock, Counter};
 

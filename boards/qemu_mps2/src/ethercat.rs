@@ -1,4 +1,4 @@
-//! Data points, and EtherCAT as soon as a LAN9252 answers, with its RUN and ERR lights on the board's two LEDs.
+//! Data points, and EtherCAT once a LAN9252 answers, with its RUN and ERR lights on the board's two LEDs.
 
 mod pipes;
 mod spi;
@@ -17,14 +17,14 @@ use crate::register::Register;
 static SCANNER: ScannerState = ScannerState::new();
 static ETHERCAT: EthercatState = EthercatState::new();
 
-/// The gateway with both.
+/// Adds both to the gateway.
 pub(crate) const fn join(gateway: Gateway<'static>) -> Gateway<'static> {
     gateway.with_scanner(&SCANNER).with_ethercat(&ETHERCAT)
 }
 
-/// Starts looking for the controller.
+/// Starts the tasks, which wait for the controller.
 pub(crate) fn start(spawner: Spawner) {
-    // Spawned once: the slots of the tasks are free.
+    // Spawned once: the task slots are free.
     spawner.spawn(run().unwrap());
     spawner.spawn(light().unwrap());
 }
@@ -36,9 +36,9 @@ async fn run() {
     serve(&ETHERCAT, Some(&SCANNER), controller, async || wires.interrupt().await).await
 }
 
-/// Of the FPGA's I/O (AN386): bit 0 is LED0, bit 1 is LED1.
+/// LED register of the FPGA's I/O (AN386): bit 0 is LED0, bit 1 is LED1.
 const LEDS: Register = Register::at(0x4002_8000, 0);
-/// How often it is looked whether there is anything to show.
+/// Poll interval while there is nothing to show.
 const LIGHTS_LOOK: Duration = Duration::from_millis(500);
 
 /// LED0 is the RUN light, LED1 the ERR light.

@@ -26,14 +26,14 @@ const MAC_COMMAND: Register = Register::at(BASE, 0xa4);
 const MAC_DATA: Register = Register::at(BASE, 0xa8);
 const FLOW_CONTROL: Register = Register::at(BASE, 0xac);
 
-/// A frame is there.
+/// A frame was received.
 const RECEIVED: u32 = 1 << 3;
-/// The PHY has news: the link has come or gone.
+/// PHY event: the link went up or down.
 const PHY_NEWS: u32 = 1 << 18;
 const MAC_BUSY: u32 = 1 << 31;
 const MAC_READ: u32 = 1 << 30;
 
-/// The MAC's own registers, behind MAC_COMMAND.
+/// The MAC's registers, accessed through MAC_COMMAND.
 #[derive(Clone, Copy)]
 enum Mac {
     Control = 1,
@@ -43,24 +43,24 @@ enum Mac {
     PhyData = 7,
 }
 
-/// The PHY's registers, behind the MAC.
+/// The PHY's registers, accessed through the MAC.
 const PHY: u32 = 1;
 const PHY_STATUS: u32 = 1;
 const PHY_NEWS_SOURCE: u32 = 29;
 const PHY_NEWS_MASK: u32 = 30;
 const PHY_LINK: u32 = 1 << 2;
-/// The link went down; it is negotiated anew.
+/// Link down, and negotiation complete.
 const PHY_NEWS_WANTED: u32 = 1 << 4 | 1 << 6;
 
-/// Longest frame, without its check.
+/// Longest frame, without its checksum.
 const FRAME_BYTES_MAX: usize = 1514;
 const CRC_BYTES: usize = 4;
-/// The board's address: locally administered.
+/// The board's Ethernet address: locally administered.
 const ADDRESS: [u8; 6] = [0x02, 0x6d, 0x6f, 0x62, 0x67, 0x01];
 
 static NEWS: AtomicWaker = AtomicWaker::new();
 
-/// Wakes the network task, which looks what there is and lets interrupts happen again.
+/// Wakes the network task, which handles the event and enables interrupts again.
 pub(crate) extern "C" fn on_interrupt() {
     INTERRUPT_ENABLE.write(0);
     NEWS.wake();
@@ -74,12 +74,12 @@ pub(crate) struct Ethernet {
 }
 
 impl Ethernet {
-    /// Resets the controller and starts it. The first frame may be received when this returns.
+    /// Resets and starts the controller. It may have received a frame when this returns.
     pub(crate) fn start() -> Self {
         assert_eq!(BYTE_TEST.read(), 0x8765_4321, "no LAN9118 there, or with its bytes swapped");
         HARDWARE_CONFIG.write(1);
         while HARDWARE_CONFIG.read() & 1 != 0 {}
-        // 5 KiB of FIFO for what goes, the rest for what comes.
+        // 5 KiB of FIFO for transmission, the rest for reception.
         HARDWARE_CONFIG.write(0x0015_0000);
         FLOW_CONTROL.write(0x006e_3740);
         INTERRUPT_CONFIG.write(0x2200_0111);
@@ -95,14 +95,14 @@ impl Ethernet {
         Self { link: link(), received: [0; _], to_send: [0; _] }
     }
 
-    /// Reads the next frame, if there is one; its length.
+    /// Reads the next frame, if there is one; returns its length.
     fn receive_frame(&mut self) -> Option<usize> {
         while RECEIVE_FILL.read() >> 16 & 0xff != 0 {
             let status = RECEIVE_STATUS.read();
             let (length, broken) = ((status >> 16 & 0x3fff) as usize, status & 1 << 15 != 0);
             for word in 0..length.div_ceil(4) {
                 let bytes = RECEIVE_DATA.read().to_le_bytes();
-                // A frame that is too long is read to its end all the same.
+                // Frames that are too long must be drained, too.
                 if let Some(place) = self.received.get_mut(4 * word..4 * word + 4) {
                     place.copy_from_slice(&bytes);
                 }
@@ -122,7 +122,7 @@ impl Driver for Ethernet {
     fn receive(&mut self, context: &mut Context) -> Option<(Received<'_>, ToSend<'_>)> {
         NEWS.register(context.waker());
         INTERRUPT_STATUS.write(RECEIVED);
-        // What comes behind this look makes an interrupt.
+        // A frame that arrives after this check raises an interrupt.
         let length = self.receive_frame();
         let Some(length) = length else {
             INTERRUPT_ENABLE.write(RECEIVED | PHY_NEWS);
@@ -132,14 +132,14 @@ impl Driver for Ethernet {
     }
 
     fn transmit(&mut self, _: &mut Context) -> Option<ToSend<'_>> {
-        // Sending takes no time in the emulator, so there is always room.
+        // Transmission is instantaneous in the emulator, so there is always room.
         Some(ToSend(&mut self.to_send))
     }
 
     fn link_state(&mut self, context: &mut Context) -> LinkState {
         NEWS.register(context.waker());
         if INTERRUPT_STATUS.read() & PHY_NEWS != 0 {
-            // Reading it takes the news away.
+            // Reading the source clears the event.
             read_phy(PHY_NEWS_SOURCE);
             INTERRUPT_STATUS.write(PHY_NEWS);
             self.link = link();
@@ -169,14 +169,14 @@ impl RxToken for Received<'_> {
     }
 }
 
-/// Room for a frame to send.
+/// Buffer for a frame to send.
 pub(crate) struct ToSend<'a>(&'a mut [u8; FRAME_BYTES_MAX]);
 
 impl TxToken for ToSend<'_> {
     fn consume<R, F: FnOnce(&mut [u8]) -> R>(self, length: usize, f: F) -> R {
         let frame = &mut self.0[..length];
         let result = f(frame);
-        // One segment, the first and the last.
+        // A single segment: first and last.
         TRANSMIT_DATA.write(0x3000 | length as u32);
         TRANSMIT_DATA.write(length as u32);
         for bytes in frame.chunks(4) {
@@ -184,7 +184,7 @@ impl TxToken for ToSend<'_> {
             word[..bytes.len()].copy_from_slice(bytes);
             TRANSMIT_DATA.write(u32::from_le_bytes(word));
         }
-        // A status that is not taken would stop the transmitter after some.
+        // Unread statuses would eventually stop the transmitter.
         while TRANSMIT_FILL.read() >> 16 & 0xff != 0 {
             TRANSMIT_STATUS.read();
         }

@@ -1,5 +1,5 @@
-//! The end by a panic or a fault: it is told, and the emulator's status says so. With the word `restart` on its command line the
-//! board starts again instead, as one with a chip does.
+//! Panics and faults: reported, and turned into the emulator's exit status. With the word `restart` on its command line the board
+//! restarts instead, as a real one does.
 
 use core::fmt;
 use core::panic::PanicInfo;
@@ -11,7 +11,7 @@ use mobgate_faults::{Fault, note};
 
 use crate::semihosting::{self, CommandLine};
 
-/// Nothing is there on this machine.
+/// An unmapped address on this machine.
 const NOWHERE: *const u32 = 0x9000_0000 as *const u32;
 
 #[panic_handler]
@@ -34,10 +34,10 @@ fn end(words: fmt::Arguments<'_>) -> ! {
     semihosting::fail()
 }
 
-/// Touches an address where nothing is, for a test of what becomes of a fault.
+/// Reads from an unmapped address, to test fault handling.
 #[inline(never)]
 #[unsafe(no_mangle)]
 pub(crate) extern "C" fn touch_nothing() {
-    // SAFETY: it ends in the handler above, and has no other effect.
+    // SAFETY: the access ends in the handler above, and has no other effect.
     unsafe { NOWHERE.read_volatile() };
 }

@@ -1,4 +1,4 @@
-//! Two flash sectors in a file of the host, so that `save` outlives the emulator.
+//! Two flash sectors in a file on the host, so that saved settings outlive the emulator.
 
 use embedded_storage_async::nor_flash::{
     ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
@@ -6,7 +6,7 @@ use embedded_storage_async::nor_flash::{
 
 use crate::semihosting::{CommandLine, File, HostError};
 
-/// A sector and a flash word as on an STM32H7.
+/// Sector and flash word sizes of an STM32H7.
 const SECTOR_BYTES: usize = 128 * 1024;
 const WORD_BYTES: usize = 32;
 /// Bytes erased by one call to the host.
@@ -17,11 +17,11 @@ const SECTORS: usize = 2;
 pub(crate) struct FileFlash(File);
 
 impl FileFlash {
-    /// The flash in the file that the command line names.
+    /// Opens the flash in the file named on the command line.
     pub(crate) fn open() -> Result<Self, HostError> {
         let mut flash = Self(File::open(CommandLine::read().flash().ok_or(HostError)?)?);
         if flash.0.length() < SECTORS * SECTOR_BYTES {
-            // A new one: as a chip comes from the factory.
+            // A new file: blank, as from the factory.
             flash.fill(0, (SECTORS * SECTOR_BYTES) as u32)?;
         }
         Ok(flash)

@@ -1,4 +1,4 @@
-//! The gateway and what it is made of, in statics.
+//! The gateway and its parts, in statics.
 
 use mobgate::capture::Capture;
 use mobgate::frame::{FramePool, Slot};
@@ -6,7 +6,7 @@ use mobgate::gateway::{Connection, Gateway, Ports};
 
 /// Ports of any kind.
 pub(crate) const PORTS: usize = 8;
-/// TCP connections of all servers together: 16 clients, the one that is accepted to decide who goes, and a small server more.
+/// TCP connections of all servers together: 16 clients, one that is accepted before another is closed for it, and a small server's.
 pub(crate) const CONNECTIONS: usize = 22;
 const RESERVED: usize = CONNECTIONS + PORTS;
 const FRAMES: usize = 2 * RESERVED;

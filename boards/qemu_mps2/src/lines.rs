@@ -1,4 +1,4 @@
-//! The Modbus lines: `uart1` to `uart3`. UART 0 is the console, UART 4 tells figures.
+//! The Modbus lines: `uart1` to `uart3`. UART 0 is the console, UART 4 reports figures.
 
 use embassy_time::Duration;
 use mobgate::hal::{OpenError, OpenErrorKind, SerialHost};
@@ -7,14 +7,14 @@ use mobgate::settings::{Driver, LineSettings};
 use crate::names::number;
 use crate::uart::{CLOCK_HZ, DIVISOR_MIN, Line};
 
-/// The UART that the console is on.
+/// The console's UART.
 pub(crate) const CONSOLE: usize = 0;
-/// The UART that tells figures.
+/// The UART that reports figures.
 pub(crate) const FIGURES: usize = 4;
-/// QEMU does not pace bytes: what comes from the host may pause at any byte for as long as the host is busy.
+/// QEMU does not pace bytes: input may pause at any byte while the host is busy.
 const READ_JITTER: Duration = Duration::from_millis(50);
 
-/// Opens lines.
+/// Opens the lines.
 pub(crate) struct Lines;
 
 impl SerialHost for Lines {
@@ -31,7 +31,7 @@ impl SerialHost for Lines {
                 "its lines have no transceivers: remove rs485 or rts",
             );
         }
-        // Parity and stop bits make characters longer, which the core computes with; the emulator carries bytes.
+        // The core computes with the length of parity and stop bits; the emulator carries bytes only.
         match CLOCK_HZ / line.baud {
             divisor @ DIVISOR_MIN.. => Ok(Line::open(number, divisor).pausing(line.t1_5() + READ_JITTER)),
             _ => refused(OpenErrorKind::Unsupported, "at most 1562500 baud"),

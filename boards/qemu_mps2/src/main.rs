@@ -79,7 +79,7 @@ fn main() -> ! {
     let store = board::load(&GATEWAY);
     let (sockets, runner) = GATEWAY.settings(|settings| network::start(&settings.own_network()));
     executor::run(|spawner| {
-        // Each pool has room for what is spawned here, and this runs once.
+        // Each pool has room for the tasks spawned here, and this runs once.
         spawner.spawn(router().unwrap());
         (0..PORTS).for_each(|index| spawner.spawn(port(PortId(index as u8), sockets).unwrap()));
         (0..CONNECTIONS).for_each(|index| spawner.spawn(connection(index, sockets).unwrap()));
@@ -92,5 +92,5 @@ fn main() -> ! {
     })
 }
 
-/// A changed map is a changed program, or it would not be linked anew.
+/// The linker's memory maps: a change must relink the image.
 const _: (&[u8], &[u8]) = (include_bytes!("../../../memory.x"), include_bytes!("../regions.x"));

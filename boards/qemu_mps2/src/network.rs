@@ -1,4 +1,4 @@
-//! The network: embassy-net over the Ethernet controller, and the gateway's sockets over that.
+//! The network: embassy-net over the Ethernet controller, and the gateway's sockets on top.
 
 use embassy_futures::join::join4;
 use embassy_net::{Runner, StackResources};
@@ -11,19 +11,19 @@ use crate::ethernet::Ethernet;
 use crate::gateway::CONNECTIONS;
 use crate::semihosting;
 
-/// Connections to outside servers and UDP servers at a time, all together.
+/// Most outgoing connections and UDP servers, together.
 const CLIENTS: usize = 4;
 const SOCKETS: usize = CONNECTIONS + CLIENTS;
-/// Two frames of Modbus TCP for each direction, and some.
+/// Two frames of Modbus TCP in each direction, and some spare.
 const SOCKET_BYTES: usize = 2 * 640;
 
-/// Starts the network with this setting. The runner is to be run.
+/// Starts the network with this setting. The caller must run the runner.
 pub(crate) fn start(setting: &OwnNetwork) -> (&'static Sockets, Runner<'static, Ethernet>) {
     static RESOURCES: StaticCell<StackResources<{ SOCKETS + STACK_SOCKETS }>> = StaticCell::new();
     static BUFFERS: ConstStaticCell<[[u8; SOCKET_BYTES]; SOCKETS]> =
         ConstStaticCell::new([[0; SOCKET_BYTES]; SOCKETS]);
     static POOL: StaticCell<Sockets> = StaticCell::new();
-    // Else connections after a restart would have the ports and numbers of those before.
+    // Otherwise connections after a restart would reuse ports and sequence numbers.
     let seed = semihosting::host_time() as u64;
     let config = address::stack_config(setting);
     let (stack, runner) =
@@ -32,7 +32,7 @@ pub(crate) fn start(setting: &OwnNetwork) -> (&'static Sockets, Runner<'static, 
     (POOL.init(Sockets::new(stack, buffers)), runner)
 }
 
-/// What the network needs besides the runner: connections' ends, the settings' changes, and word that it is up.
+/// The network's background jobs: closing connections, following the settings, multicast DNS, and logging the link state.
 pub(crate) async fn care(gateway: &Gateway<'_>, sockets: &'static Sockets) {
     let stack = sockets.stack();
     let announce = async {

@@ -1,18 +1,18 @@
-//! Registers of the machine.
+//! Memory-mapped registers.
 
-/// A register of 32 bits, by its address.
+/// A 32-bit register, by its address.
 #[derive(Clone, Copy)]
 pub(crate) struct Register(usize);
 
 impl Register {
-    /// The register at `offset` from a device's `base`. Only for what the AN386 application note has there: QEMU ends
-    /// at any other access.
+    /// The register at `offset` from a device's `base`. Only for registers in the AN386 application note: QEMU aborts on any other
+    /// access.
     pub(crate) const fn at(base: usize, offset: usize) -> Self {
         Self(base + offset)
     }
 
     pub(crate) fn read(self) -> u32 {
-        // SAFETY: a device's register, see `at`; reading one touches no memory of Rust's.
+        // SAFETY: a device register, see `at`; reading one does not touch Rust's memory.
         unsafe { (self.0 as *const u32).read_volatile() }
     }
 

@@ -1,5 +1,5 @@
-//! Sends what one UART receives by another one, in the receive interrupt: one such relay at a time, as there is one timer that
-//! tells when no more comes.
+//! Forwards one UART's received characters to another one, in the receive interrupt. One relay at a time, because there is only one
+//! idle timer.
 
 use core::cell::Cell;
 use core::sync::atomic::{AtomicUsize, Ordering};
@@ -10,22 +10,22 @@ use mobgate::hal::Relay;
 /// No UART.
 const NONE: usize = usize::MAX;
 
-/// The UART whose characters are being relayed.
+/// The UART being relayed from.
 static RUNNING: AtomicUsize = AtomicUsize::new(NONE);
-/// The UARTs from and to which the relay leads that was begun and not ended.
+/// Source and destination of the relay that was begun and not ended.
 static FROM: AtomicUsize = AtomicUsize::new(NONE);
 static TO: AtomicUsize = AtomicUsize::new(NONE);
-/// The UART whose relay broke off, while nothing has come since.
+/// The UART whose relay was broken off, until it receives another character.
 static SILENT: AtomicUsize = AtomicUsize::new(NONE);
 static RELAY: Mutex<Cell<Relay>> = Mutex::new(Cell::new(Relay::OVER));
 
-/// What becomes of a character.
+/// The result of a character.
 pub(crate) enum Step {
-    /// It is sent by this UART.
+    /// To be sent by this UART.
     Sent(usize, u8),
     /// It was the last one.
     Over,
-    /// No relay takes what this UART receives.
+    /// This UART is not being relayed.
     None,
 }
 
@@ -34,7 +34,7 @@ pub(crate) fn is_free() -> bool {
     FROM.load(Ordering::Relaxed) == NONE
 }
 
-/// Begins a relay. With interrupts masked.
+/// Begins a relay. Interrupts must be masked.
 pub(crate) fn begin(section: CriticalSection, relay: Relay, from: usize, to: usize) {
     RELAY.borrow(section).set(relay);
     FROM.store(from, Ordering::Relaxed);
@@ -42,7 +42,7 @@ pub(crate) fn begin(section: CriticalSection, relay: Relay, from: usize, to: usi
     RUNNING.store(if relay.is_over() { NONE } else { from }, Ordering::Relaxed);
 }
 
-/// Ends the relay to UART `to`, if there is one, and gives what is left of it.
+/// Ends the relay to UART `to`, if there is one, and returns its final state.
 pub(crate) fn end(to: usize) -> Option<Relay> {
     critical_section::with(|section| {
         if TO.load(Ordering::Relaxed) != to {
@@ -53,7 +53,7 @@ pub(crate) fn end(to: usize) -> Option<Relay> {
     })
 }
 
-/// Takes a character that UART `from` has received.
+/// Processes a character received by UART `from`.
 #[inline]
 pub(crate) fn step(section: CriticalSection, from: usize, byte: u8) -> Step {
     if RUNNING.load(Ordering::Relaxed) != from {
@@ -75,7 +75,7 @@ pub(crate) fn step(section: CriticalSection, from: usize, byte: u8) -> Step {
     }
 }
 
-/// Nothing has come for too long.
+/// Breaks the running relay off, if any: the pause is too long for a frame.
 pub(crate) fn break_off() {
     let from = RUNNING.load(Ordering::Relaxed);
     if from != NONE {
@@ -94,12 +94,12 @@ pub(crate) fn is_begun(from: usize) -> bool {
     FROM.load(Ordering::Relaxed) == from
 }
 
-/// Whether the relay of UART `from` was broken off and not ended, and nothing has come there since.
+/// Whether the relay of UART `from` was broken off and not ended, without a character since.
 pub(crate) fn is_silent(from: usize) -> bool {
     SILENT.load(Ordering::Relaxed) == from
 }
 
-// The board has no tests of its own: those of the emulator include this file.
+// Tested by the emulator's tests, which include this file: the board has no tests.
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -115,7 +115,7 @@ mod tests {
         assert!(is_running(1) && is_begun(1) && !is_silent(1));
         assert!(matches!(received(1, 7), Step::Sent(2, 7)));
         break_off();
-        // The idle timer runs on, for the other UARTs.
+        // The idle timer keeps running, for the other UARTs.
         break_off();
         assert!(!is_running(1) && is_begun(1) && is_silent(1));
         assert!(matches!(received(3, 7), Step::None));

@@ -1,23 +1,23 @@
-//! Bytes on their way between an interrupt and a task: one of them writes, the other reads.
+//! A ring buffer between an interrupt and a task: one writes, the other reads.
 //!
-//! embassy-hal-internal has such a ring as well, which takes three times as many instructions for a byte; here one comes with each
-//! interrupt.
+//! embassy-hal-internal has one, too, but it takes three times as many instructions per byte, and here every interrupt brings one
+//! byte.
 
 use core::cell::UnsafeCell;
 use core::sync::atomic::{AtomicUsize, Ordering};
 
-/// Bytes of a ring: two frames. A power of two, so that the counts below may come round.
+/// Size of a ring: two frames. A power of two, so that the counters below may wrap.
 pub(crate) const RING_BYTES: usize = 512;
 
 /// A ring of bytes.
 pub(crate) struct Ring {
     bytes: [UnsafeCell<u8>; RING_BYTES],
-    /// Bytes that have ever been written and read.
+    /// Total bytes ever written and read.
     written: AtomicUsize,
     read: AtomicUsize,
 }
 
-// SAFETY: a byte is touched by the writer before `written` counts it and after `read` does, and by the reader in between.
+// SAFETY: the writer accesses a byte only before `written` counts it and after `read` does, the reader only in between.
 unsafe impl Sync for Ring {}
 
 impl Ring {
@@ -30,7 +30,7 @@ impl Ring {
         }
     }
 
-    /// Bytes that wait.
+    /// Bytes in the buffer.
     pub(crate) fn len(&self) -> usize {
         self.written.load(Ordering::Relaxed).wrapping_sub(self.read.load(Ordering::Relaxed))
     }
@@ -46,54 +46,54 @@ impl Ring {
     /// Appends `byte`, if there is room.
     ///
     /// # Safety
-    /// Nothing else writes meanwhile.
-    #[inline(always)] // for each byte of each line
+    /// No other writer at the same time.
+    #[inline(always)] // runs for each byte of each line
     pub(crate) unsafe fn push(&self, byte: u8) -> bool {
         let written = self.written.load(Ordering::Relaxed);
         let has_room = written.wrapping_sub(self.read.load(Ordering::Acquire)) < RING_BYTES;
         if has_room {
-            // SAFETY: the writer is alone, and the reader has done with this place.
+            // SAFETY: there is only one writer, and the reader is done with this byte.
             unsafe { *self.bytes[written % RING_BYTES].get() = byte };
             self.written.store(written.wrapping_add(1), Ordering::Release);
         }
         has_room
     }
 
-    /// Takes the first byte.
+    /// Takes the oldest byte.
     ///
     /// # Safety
-    /// Nothing else reads meanwhile.
+    /// No other reader at the same time.
     pub(crate) unsafe fn pop(&self) -> Option<u8> {
-        // SAFETY: the reader is alone.
+        // SAFETY: there is only one reader.
         let byte = unsafe { self.peek(0) };
         self.consume(usize::from(byte.is_some()));
         byte
     }
 
-    /// The byte behind the first `nth`.
+    /// The `nth` oldest byte, from 0.
     ///
     /// # Safety
-    /// Nothing else reads meanwhile.
+    /// No other reader at the same time.
     pub(crate) unsafe fn peek(&self, nth: usize) -> Option<u8> {
         let at = self.read.load(Ordering::Relaxed).wrapping_add(nth);
-        // SAFETY: the writer has done with this place, and the reader is alone.
+        // SAFETY: the writer is done with this byte, and there is only one reader.
         let byte = || unsafe { *self.bytes[at % RING_BYTES].get() };
         (nth < self.written.load(Ordering::Acquire).wrapping_sub(self.read.load(Ordering::Relaxed)))
             .then(byte)
     }
 
-    /// Moves bytes to `into`, and says how many.
+    /// Moves bytes to `into`, and returns their number.
     ///
     /// # Safety
-    /// Nothing else reads meanwhile.
+    /// No other reader at the same time.
     pub(crate) unsafe fn pop_into(&self, into: &mut [u8]) -> usize {
         let (read, written) = (self.read.load(Ordering::Relaxed), self.written.load(Ordering::Acquire));
         let count = written.wrapping_sub(read).min(into.len());
         let before_end = count.min(RING_BYTES - read % RING_BYTES);
         let start = self.bytes.as_ptr().cast::<u8>();
         let (first, second) = into[..count].split_at_mut(before_end);
-        // SAFETY: `UnsafeCell<u8>` is laid out as `u8`; both parts are within the ring, the writer has done with them, and the
-        // reader is alone.
+        // SAFETY: `UnsafeCell<u8>` has the layout of `u8`; both parts are within the ring, the writer is done with them, and there
+        // is only one reader.
         unsafe {
             first.as_mut_ptr().copy_from_nonoverlapping(start.add(read % RING_BYTES), first.len());
             second.as_mut_ptr().copy_from_nonoverlapping(start, second.len());

@@ -1,4 +1,4 @@
-//! What the emulator does for the board: files of the host, the command line, log lines, the end.
+//! Services of the emulator: host files, the command line, log lines, exit.
 
 use core::fmt::Write as _;
 
@@ -6,20 +6,20 @@ use cortex_m_semihosting::{debug, hprint, nr, syscall};
 use heapless::String;
 use log::{Level, LevelFilter, Log, Metadata, Record};
 
-/// What a call gives when it could not be done.
+/// Result of a failed call.
 const FAILED: usize = usize::MAX;
 /// Longest command line.
 const COMMAND_LINE_BYTES_MAX: usize = 512;
 
-/// What the emulator was told: `mobgate FLASH [WORD]...`, where FLASH is the file that keeps the settings.
+/// The command line: `mobgate FLASH [WORD]...`, where FLASH is the file with the settings.
 pub(crate) struct CommandLine(String<COMMAND_LINE_BYTES_MAX>);
 
 impl CommandLine {
-    /// Asks for it; it is empty when it is too long.
+    /// Reads it; empty if it is too long.
     pub(crate) fn read() -> Self {
         let mut line = [0_u8; COMMAND_LINE_BYTES_MAX];
         let mut block = [line.as_mut_ptr() as usize, line.len()];
-        // SAFETY: the host writes the line, and its length into the block, which is mutable for that.
+        // SAFETY: the host writes the line, and its length into the block, which is mutable for that purpose.
         let status = unsafe { cortex_m_semihosting::syscall1(nr::GET_CMDLINE, block.as_mut_ptr() as usize) };
         let length = core::hint::black_box(block)[1];
         let line = line.get(..length).filter(|_| status == 0).unwrap_or_default();
@@ -27,40 +27,40 @@ impl CommandLine {
         Self(words.try_into().unwrap_or_default())
     }
 
-    /// The words behind the program's name.
+    /// The words after the program's name.
     pub(crate) fn words(&self) -> impl Iterator<Item = &str> {
         self.0.split_whitespace().skip(1)
     }
 
-    /// The file for the flash.
+    /// The flash file.
     pub(crate) fn flash(&self) -> Option<&str> {
         self.words().next()
     }
 
-    /// Whether there is this word.
+    /// Whether this word is present.
     pub(crate) fn has(&self, word: &str) -> bool {
         self.words().skip(1).any(|found| found == word)
     }
 }
 
-/// A file of the host.
+/// A file on the host.
 pub(crate) struct File(pub(crate) usize);
 
-/// A call that the host could not carry out.
+/// A failed host call.
 #[derive(Debug)]
 pub(crate) struct HostError;
 
 impl File {
-    /// Opens `path` with an end of its own, in a mode of `cortex_m_semihosting::nr::open`.
+    /// Opens `path` with a suffix, in a mode of `cortex_m_semihosting::nr::open`.
     pub(crate) fn open_as(path: &str, end: &str, mode: usize) -> Result<Self, HostError> {
         let mut name = String::<{ COMMAND_LINE_BYTES_MAX + 8 }>::new();
         write!(name, "{path}{end}\0").map_err(|_| HostError)?;
-        // SAFETY: pointer and length are those of a text that outlives the call; so in all calls here.
+        // SAFETY: pointer and length belong to a text that outlives the call; this holds for all calls here.
         let handle = unsafe { syscall!(OPEN, name.as_ptr(), mode, name.len() - 1) };
         if handle == FAILED { Err(HostError) } else { Ok(Self(handle)) }
     }
 
-    /// Opens a file for reading and writing; it is made if there is none.
+    /// Opens a file for reading and writing; creates it if necessary.
     pub(crate) fn open(path: &str) -> Result<Self, HostError> {
         Self::open_as(path, "", nr::open::RW_BINARY)
             .or_else(|_| Self::open_as(path, "", nr::open::RW_TRUNC_BINARY))
@@ -72,7 +72,7 @@ impl File {
     }
 
     pub(crate) fn read(&mut self, offset: u32, into: &mut [u8]) -> Result<(), HostError> {
-        // SAFETY: as in `open_as`. Both calls give 0 when all went well.
+        // SAFETY: as in `open_as`. Both calls return 0 on success.
         let missing =
             unsafe { syscall!(SEEK, self.0, offset) | syscall!(READ, self.0, into.as_mut_ptr(), into.len()) };
         if missing == 0 { Ok(()) } else { Err(HostError) }
@@ -96,7 +96,7 @@ impl Log for HostLog {
     fn log(&self, record: &Record) {
         if self.enabled(record.metadata()) {
             let mut line = String::<200>::new();
-            // A line that is too long lacks its end.
+            // A line that is too long is truncated.
             let _ = writeln!(line, "{}: {}", record.level(), record.args());
             hprint!(&line);
         }
@@ -105,20 +105,20 @@ impl Log for HostLog {
     fn flush(&self) {}
 }
 
-/// Lets the log go to the host's standard output.
+/// Sends the log to the host's standard output.
 pub(crate) fn start_log() {
     // It is the first and only logger.
     let _ = log::set_logger(&HostLog);
     log::set_max_level(LevelFilter::Info);
 }
 
-/// Seconds of the host's clock.
+/// The host's time in seconds.
 pub(crate) fn host_time() -> usize {
-    // SAFETY: the call takes nothing and gives a number.
+    // SAFETY: the call takes no arguments and returns a number.
     unsafe { syscall!(TIME) }
 }
 
-/// Ends the emulator with a status that is not 0.
+/// Exits the emulator with a non-zero status.
 pub(crate) fn fail() -> ! {
     loop {
         debug::exit(debug::EXIT_FAILURE);

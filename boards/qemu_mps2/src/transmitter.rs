@@ -1,22 +1,22 @@
-//! Gives a UART's transmitter the bytes that wait, and lets its interrupt ask for more.
+//! Feeds a UART's transmitter from its queue, and controls the transmit interrupt.
 
-/// The registers of a transmitter that holds one byte, and the bytes that wait for it.
+/// A transmitter that holds one byte, and its queue.
 pub(crate) trait Transmitter {
-    /// Whether it holds a byte that it has not sent.
+    /// Whether it holds an unsent byte.
     fn is_full(&self) -> bool;
-    /// Gives it a byte.
+    /// Sends a byte.
     fn send(&self, byte: u8);
-    /// Whether it makes an interrupt when it has sent a byte.
+    /// Whether its interrupt is enabled.
     fn has_interrupt(&self) -> bool;
-    /// Lets it make one, or not.
+    /// Enables or disables its interrupt.
     fn set_interrupt(&self, on: bool);
-    /// Takes the next byte that waits.
+    /// Takes the next byte from the queue.
     fn next(&self) -> Option<u8>;
-    /// Whether none waits.
+    /// Whether the queue is empty.
     fn is_idle(&self) -> bool;
 }
 
-/// Gives `transmitter` what it takes; whether no byte waits any more. Its interrupt is on while one does.
+/// Feeds `transmitter` as far as it accepts bytes; returns whether the queue is empty. The interrupt is on while it is not.
 #[inline]
 pub(crate) fn transmit(transmitter: &impl Transmitter) -> bool {
     loop {
@@ -31,12 +31,12 @@ pub(crate) fn transmit(transmitter: &impl Transmitter) -> bool {
         if is_idle || has_interrupt {
             return is_idle;
         }
-        // A byte that leaves before this makes no interrupt: hence another look.
+        // A byte sent before this raises no interrupt, so check again.
         transmitter.set_interrupt(true);
     }
 }
 
-// The board has no tests of its own: those of the emulator include this file.
+// Tested by the emulator's tests, which include this file: the board has no tests.
 #[cfg(test)]
 mod tests {
     use std::cell::{Cell, RefCell};
@@ -44,7 +44,7 @@ mod tests {
 
     use super::*;
 
-    /// A transmitter whose byte leaves before the accesses that `leaves` has a bit for.
+    /// A transmitter whose byte leaves before the accesses set in the bit mask `leaves`.
     struct Model {
         leaves: u32,
         accesses: Cell<u32>,

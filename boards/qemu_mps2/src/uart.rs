@@ -1,8 +1,8 @@
 //! The CMSDK UARTs, driven by interrupts through ring buffers.
 //!
-//! QEMU holds back what a full receiver cannot take, so no byte is ever lost: when the buffer is full, the receiver's interrupt
-//! is off until the task has read. As with a DMA channel and an idle line's interrupt, a task is not woken for each byte but for
-//! a piece, or when nothing has come for a while. While another UART sends what comes, it is woken when the frame is there.
+//! QEMU holds input back while a receiver is full, so no byte is ever lost: when the buffer is full, the receive interrupt is off
+//! until the task has read. As with DMA and an idle-line interrupt, a task is woken once per piece of bytes, or when the lines have
+//! been idle for a while. While its input is relayed to another UART, a task is woken at the end of the frame.
 
 use core::convert::Infallible;
 use core::future::poll_fn;
@@ -24,16 +24,16 @@ use crate::relay::{self, Step};
 use crate::ring::{RING_BYTES, Ring};
 use crate::transmitter::{self, Transmitter};
 
-/// UARTs of the machine.
+/// Number of UARTs.
 pub(crate) const COUNT: usize = interrupts::UARTS.len();
-/// The clock that baud rates are divided from.
+/// Input clock of the baud rate dividers.
 pub(crate) const CLOCK_HZ: u32 = 25_000_000;
-/// Least divisor that the hardware takes.
+/// Lowest divisor that the hardware accepts.
 pub(crate) const DIVISOR_MIN: u32 = 16;
 
-/// A task is woken when so many bytes are there.
+/// A task is woken once this many bytes are available.
 const PIECE_BYTES: usize = 64;
-/// It is woken for fewer when no UART has received any for 250 us: two characters at 115200 baud, in cycles of the timer.
+/// It is woken for fewer if no UART has received any for 250 us: two characters at 115200 baud. In timer cycles.
 const IDLE_CYCLES: u32 = CLOCK_HZ / 4_000;
 const IDLE_TIMER: usize = 0x4000_1000;
 const IDLE_CONTROL: Register = Register::at(IDLE_TIMER, 0x0);
@@ -44,7 +44,7 @@ const IDLE_START: u32 = 1 | 1 << 3;
 
 const TRANSMITTER_FULL: u32 = 1;
 const RECEIVER_FULL: u32 = 1 << 1;
-/// Cleared by writing it.
+/// Cleared by writing a 1.
 const RECEIVER_OVERRUN: u32 = 1 << 3;
 const TRANSMIT: u32 = 1;
 const RECEIVE: u32 = 1 << 1;
@@ -70,9 +70,9 @@ struct Uart {
     arrived: AtomicWaker,
     wait: Wait,
     room: AtomicWaker,
-    /// The longest pause in a frame that is being relayed, in cycles of the timer.
+    /// Longest pause in a frame that is being relayed, in timer cycles.
     pause: AtomicU32,
-    /// The pause after which the idle timer tells, or 0: it is another UART's now.
+    /// Timeout of the idle timer for this UART; 0 while another UART owns the timer.
     idle: AtomicU32,
 }
 
@@ -88,7 +88,7 @@ pub(crate) fn start() {
     interrupts::enable(interrupts::TIMER_1);
 }
 
-/// Nothing has come for a while.
+/// The lines have been idle for a while.
 pub(crate) extern "C" fn on_idle() {
     IDLE_CONTROL.write(0);
     IDLE_CLEAR.write(1);
@@ -97,13 +97,13 @@ pub(crate) extern "C" fn on_idle() {
     wake_readers();
 }
 
-/// All interrupts have one priority: a handler is not interrupted.
+/// All interrupts have the same priority, so handlers are not interrupted.
 fn in_interrupt<'a>() -> CriticalSection<'a> {
-    // SAFETY: this is called by handlers only.
+    // SAFETY: called by handlers only.
     unsafe { CriticalSection::new() }
 }
 
-/// Lets UART `number` have the idle timer for itself.
+/// Reserves the idle timer for UART `number`.
 fn own_timer(number: usize) {
     UARTS.iter().for_each(|uart| uart.idle.store(0, Ordering::Relaxed));
     let uart = &UARTS[number];
@@ -111,12 +111,12 @@ fn own_timer(number: usize) {
     uart.restart_timer();
 }
 
-/// Lets all UARTs have it again.
+/// Shares the idle timer among all UARTs again.
 fn share_timer() {
     UARTS.iter().for_each(|uart| uart.idle.store(IDLE_CYCLES, Ordering::Relaxed));
 }
 
-/// Wakes all at once, so that a busy line does not keep the end of another's frame waiting.
+/// Wakes all readers, so that a busy line does not delay the end of another line's frame.
 fn wake_readers() {
     UARTS.iter().filter(|uart| !uart.received.is_empty()).for_each(Uart::wake_reader);
 }
@@ -164,7 +164,7 @@ impl Uart {
         }
     }
 
-    /// Moves the byte that the receiver has into the buffer, if there is room.
+    /// Moves the receiver's byte into the buffer, if there is room.
     fn take_received(&self) -> Option<u8> {
         if self.state.read() & RECEIVER_FULL == 0 {
             return None;
@@ -174,13 +174,13 @@ impl Uart {
             return None;
         }
         let byte = self.data.read() as u8;
-        // SAFETY: there is one writer at a time: the receive interrupt, or who masks interrupts.
+        // SAFETY: one writer at a time: the receive interrupt, or a caller that masks interrupts.
         unsafe { self.received.push(byte) };
         self.restart_timer();
         Some(byte)
     }
 
-    /// Lets the idle timer run from now on.
+    /// Restarts the idle timer.
     fn restart_timer(&self) {
         let idle = self.idle.load(Ordering::Relaxed);
         if idle > 0 {
@@ -194,15 +194,15 @@ impl Uart {
         self.arrived.wake();
     }
 
-    /// Gives the transmitter what it takes. By the interrupt, or with interrupts masked.
+    /// Feeds the transmitter. In the interrupt, or with interrupts masked.
     fn transmit(&self) {
         if transmitter::transmit(self) {
             self.room.wake();
         }
     }
 
-    /// Sends a byte behind those that wait. With interrupts masked.
-    #[inline(always)] // one less call for each byte that is relayed
+    /// Sends a byte after those in the buffer. Interrupts must be masked.
+    #[inline(always)] // saves a call for each relayed byte
     fn relay(&self, byte: u8) {
         if self.to_send.is_empty() && self.state.read() & TRANSMITTER_FULL == 0 {
             self.data.write(byte.into());
@@ -213,31 +213,31 @@ impl Uart {
 
     #[cold]
     fn relay_later(&self, byte: u8) {
-        // SAFETY: there is one writer at a time: while a relay sends here, the line's owner does not.
-        // There is room: it is longer than any frame.
+        // SAFETY: one writer at a time: while a relay sends here, the line's owner does not. The buffer holds any frame, so there
+        // is room.
         unsafe { self.to_send.push(byte) };
         self.transmit();
     }
 
     /// Moves received bytes to `into`.
     fn take(&self, into: &mut [u8]) -> usize {
-        // SAFETY: the line's one owner calls this.
+        // SAFETY: only the line's owner calls this.
         let count = unsafe { self.received.pop_into(into) };
         if count > 0 && self.control.read() & RECEIVE_INTERRUPT == 0 {
             critical_section::with(|_| {
                 self.control.write(self.control.read() | RECEIVE_INTERRUPT);
-                // What came while it was off has made no interrupt. It is not relayed: a frame has more room.
+                // A byte received while it was off raised no interrupt. No relay misses it: a relayed frame fits into the buffer.
                 self.take_received();
             });
         }
         count
     }
 
-    /// Moves bytes of `from` to the transmitter's buffer.
+    /// Moves bytes of `from` to the transmit buffer.
     fn put(&self, from: &[u8]) -> usize {
-        // SAFETY: the line's one owner calls this.
+        // SAFETY: only the line's owner calls this.
         let count = from.iter().take_while(|byte| unsafe { self.to_send.push(**byte) }).count();
-        // A transmitter that stands still makes no interrupt.
+        // An idle transmitter raises no interrupt.
         critical_section::with(|_| measure::in_driver(|| self.transmit()));
         count
     }
@@ -262,7 +262,7 @@ impl Transmitter for Uart {
     }
 
     fn next(&self) -> Option<u8> {
-        // SAFETY: there is one reader at a time: the transmit interrupt, or who masks interrupts.
+        // SAFETY: one reader at a time: the transmit interrupt, or a caller that masks interrupts.
         unsafe { self.to_send.pop() }
     }
 
@@ -271,18 +271,18 @@ impl Transmitter for Uart {
     }
 }
 
-/// A UART in use. Each has one owner at a time: settings name a line once, and the board keeps the others for itself.
+/// A UART in use. Each has one owner at a time: settings use a line once, and the board keeps the others for itself.
 pub(crate) struct Line(usize);
 
 impl Line {
-    /// The UART of this number, at the speed of 25 MHz over `divisor`. What arrived before is forgotten.
+    /// Opens UART `number` at a speed of 25 MHz / `divisor`. Discards earlier input.
     pub(crate) fn open(number: usize, divisor: u32) -> Self {
         UARTS[number].divisor.write(divisor);
         while UARTS[number].take(&mut [0; RING_BYTES]) > 0 {}
         Self(number)
     }
 
-    /// The line, whose frames may have pauses up to `pause`.
+    /// Sets the longest pause within a frame.
     pub(crate) fn pausing(self, pause: Duration) -> Self {
         let cycles = pause.as_ticks() * u64::from(CLOCK_HZ) / TICK_HZ;
         self.uart().pause.store(cycles as u32, Ordering::Relaxed);
@@ -307,9 +307,9 @@ impl SerialLine for Line {
             if !relay::is_free() {
                 return false;
             }
-            // What has come and was not read goes first.
+            // Characters received but not read go first.
             for nth in 0..UARTS[from].received.len() {
-                // SAFETY: nobody reads meanwhile, with interrupts masked and in no task of that line.
+                // SAFETY: nobody reads meanwhile: interrupts are masked, and the line's task is not running.
                 let byte = unsafe { UARTS[from].received.peek(nth) };
                 byte.and_then(|byte| relay.step(byte)).into_iter().for_each(|byte| self.uart().relay(byte));
             }
@@ -333,7 +333,7 @@ impl SerialLine for Line {
         Duration::from_ticks(u64::from(cycles) * TICK_HZ / u64::from(CLOCK_HZ))
     }
 
-    /// The emulator's characters have no parity and no stop bit.
+    /// The emulator's characters have neither parity nor stop bits.
     fn take_flaws(&mut self) -> Flaws {
         let uart = self.uart();
         let overrun = uart.state.read() & RECEIVER_OVERRUN;

@@ -1,14 +1,14 @@
-//! The interrupt table: which handler serves which interrupt.
+//! The interrupt vector table.
 
 use crate::interrupts::{ETHERNET, TIMER_0, TIMER_1, UARTS};
 use crate::{clock, ethernet, uart};
 
-/// Interrupts that the table has room for: the last one in use is 21.
+/// Size of the table; the highest interrupt in use is 21.
 const INTERRUPTS: usize = 32;
 
 type Handler = extern "C" fn();
 
-/// Where the processor looks its handlers up; cortex-m-rt puts it behind those of exceptions.
+/// Used by the processor; cortex-m-rt places it after the exception vectors.
 #[unsafe(link_section = ".vector_table.interrupts")]
 #[unsafe(no_mangle)]
 static __INTERRUPTS: [Handler; INTERRUPTS] = {

@@ -17,23 +17,23 @@ use crate::system::Board;
 
 const LINE: LineSettings = LineSettings { baud: 115_200, parity: Parity::None, ..LineSettings::DEFAULT };
 
-/// Takes the settings in `flash` over, unless the button was held, and serves the console on `line`.
+/// Applies the settings in `flash`, or deletes them if `forget`, and serves the console on `line`.
 pub(crate) fn start(spawner: Spawner, board: Board, line: Line, flash: SettingsFlash, forget: bool) {
-    // Spawned once: the slot of the task is free.
+    // Spawned once: the task slot is free.
     spawner.spawn(run(board, line, flash, forget).unwrap());
 }
 
 #[embassy_executor::task]
 async fn run(mut board: Board, mut line: Line, flash: SettingsFlash, forget: bool) {
-    // Lent and not moved: what a future is given it keeps twice.
+    // Borrowed, because a future stores its arguments twice.
     LIVENESS.watch(Task::Console as usize, pin!(serve(&mut board, &mut line, flash, forget))).await
 }
 
 async fn serve(board: &mut Board, line: &mut Line, flash: SettingsFlash, forget: bool) {
-    // It is a format that every chip has.
-    // The kind tells enough: its hint as text would bring the tables of Unicode, 3 KiB, into the image.
+    // Every chip supports this format. Only the error's kind, because formatting its hint would pull the Unicode tables (3 KiB)
+    // into the image.
     line.configure(&LINE).map_err(|error| error.kind).unwrap();
-    // A flash that failed leaves the console running: the store says so.
+    // If the flash has failed, the console still runs and the store reports it.
     let flash = Mutex::<NoopRawMutex, _>::new(FlashStore::open(flash, SETTINGS_START).await);
     let mut store = SharedStore::new(&flash);
     board.settings = start::settings(&mut store, forget).await.err();
@@ -42,13 +42,13 @@ async fn serve(board: &mut Board, line: &mut Line, flash: SettingsFlash, forget:
     }
     let sessions = pin!(async {
         loop {
-            // A line never ends; `exit` begins a new session.
+            // A line never ends; `exit` starts a new session.
             let _ = console::run(gateway(), &mut *line, &mut store, &*board, Mode::Echo).await;
             store = SharedStore::new(&flash);
         }
     });
-    // An EtherCAT MainDevice may want them saved too. In an image without EtherCAT that would end at once, but its code and its memory
-    // would stay.
+    // An EtherCAT MainDevice may also request a save. In an image without EtherCAT this would finish at once, but its code and
+    // memory would remain.
     #[cfg(feature = "ethercat")]
     let sessions = async {
         let mut kept = SharedStore::new(&flash);

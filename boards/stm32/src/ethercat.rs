@@ -1,4 +1,4 @@
-//! EtherCAT as soon as a LAN9252 answers at SPI1.
+//! EtherCAT with a LAN9252 on SPI1, which may be absent at first.
 
 use core::pin::pin;
 
@@ -21,22 +21,23 @@ use mobgate::fieldbus::serve;
 use crate::gateway::{LIVENESS, Task};
 use crate::states::{ETHERCAT, SCANNER};
 
-/// The most at which the LAN9252 needs no pause in its reads: the H7 makes 25 MHz of it, the F7 27, the F4 21.
+/// Fastest clock at which the LAN9252 needs no pauses within reads. The resulting clocks: 25 MHz on the H7, 27 on the F7, 21 on the
+/// F4.
 const SPI_HZ: Hertz = Hertz(30_000_000);
-/// The least of these.
+/// The slowest of these.
 const SPI_CLOCK_HZ_MIN: u32 = 21_000_000;
 
-/// What the controller is wired to.
+/// The wires to the controller.
 pub(crate) struct Wires {
     spi: Spi<'static, Async, Master>,
     select: Output<'static>,
-    /// High when it asks.
+    /// High when the controller requests attention.
     interrupt: ExtiInput<'static, Async>,
 }
 
 impl Wires {
-    /// SPI1 with DMA in mode 0, a pin that selects the controller, and one that it interrupts by. `interrupts` is what
-    /// `bind_interrupts!` made. Where no controller drives its line, all bits are read as ones.
+    /// SPI1 with DMA in mode 0, the chip select and the interrupt pin. `interrupts` comes from `bind_interrupts!`. If no controller
+    /// drives MISO, all bits read as ones.
     #[expect(clippy::too_many_arguments, reason = "pins and channels, each of its own type")]
     pub(crate) fn new(
         spi: Peri<'static, SPI1>,
@@ -65,9 +66,9 @@ impl Wires {
     }
 }
 
-/// Starts looking for the controller.
+/// Starts the task, which waits for the controller.
 pub(crate) fn start(spawner: Spawner, wires: Wires) {
-    // Spawned once: the slot of the task is free.
+    // Spawned once: the task slot is free.
     spawner.spawn(run(wires).unwrap());
 }
 
@@ -78,7 +79,7 @@ async fn run(wires: Wires) {
 
 async fn serve_controller(Wires { spi, select, mut interrupt }: Wires) {
     let bus = Mutex::<NoopRawMutex, _>::new(spi);
-    // Mostly what DMA takes to be set up and to end: an allowance of 840 cycles at 168 MHz, not measured on a board.
+    // Mostly DMA setup and completion: an estimate of 840 cycles at 168 MHz, not measured on a board.
     let wiring = Wiring { spi_hz: SPI_CLOCK_HZ_MIN, select_ns: 5_000, ..Wiring::default() };
     let controller = Lan9252::new(SpiDevice::new(&bus, select), wiring);
     serve(&ETHERCAT, Some(&SCANNER), controller, async || interrupt.wait_for_high().await).await

@@ -1,5 +1,5 @@
-//! The chip's Ethernet with the PHY that the boards have as RMII. A PHY that is missing, or gives no clock, is looked for again
-//! twice a second: embassy-stm32's driver would wait for it, and everything else with it. Speed and duplex are those that were negotiated.
+//! The chip's Ethernet with the boards' RMII PHY. A PHY that is missing, or gives no clock, is retried twice a second:
+//! embassy-stm32's driver would wait for it and block everything else. Speed and duplex are negotiated.
 
 use core::task::Context;
 
@@ -14,20 +14,20 @@ use static_cell::ConstStaticCell;
 use crate::interrupts::Interrupts;
 use crate::registers;
 
-/// Packets that the Ethernet's DMA holds until they are read.
+/// Received packets that the DMA holds until they are read.
 const PACKETS: usize = 4;
-/// Those that go out are gone in microseconds.
+/// Outgoing packets leave within microseconds.
 const PACKETS_OUT: usize = 2;
 
 static QUEUE: ConstStaticCell<PacketQueue<PACKETS_OUT, PACKETS>> = ConstStaticCell::new(PacketQueue::new());
 
-/// How often the PHY is asked for its link, or looked for.
+/// Poll interval for the link, or for a missing PHY.
 const INTERVAL: Duration = Duration::from_millis(500);
-/// A reset of a PHY takes at most half a second (IEEE 802.3, 22.2.4.1.1).
+/// A PHY reset takes at most half a second (IEEE 802.3, 22.2.4.1.1).
 const RESET_MAX: Duration = Duration::from_millis(500);
-/// The largest frame without its checksum.
+/// Longest frame, without its checksum.
 const FRAME_BYTES: usize = 1514;
-/// Looks at a clock of 50 MHz until it is known not to run.
+/// Samples of the 50 MHz clock before it counts as missing.
 const LOOKS: usize = 1_000;
 
 // Registers of every PHY (IEEE 802.3, 22.2.4) and their bits.
@@ -43,7 +43,7 @@ const FULL_100: u16 = 1 << 8;
 const HALF_100: u16 = 1 << 7;
 const FULL_10: u16 = 1 << 6;
 
-/// What the Ethernet is made of, until there is a PHY.
+/// The Ethernet's peripherals, held until a PHY is found.
 pub(crate) struct Parts {
     pub(crate) eth: Peri<'static, p::ETH>,
     pub(crate) clock: Peri<'static, p::PA1>,
@@ -53,7 +53,7 @@ pub(crate) struct Parts {
     pub(crate) management: (Peri<'static, p::ETH_SMA>, Peri<'static, p::PA2>, Peri<'static, p::PC1>),
 }
 
-/// The Ethernet, with its PHY or waiting for it.
+/// The Ethernet, with its PHY or waiting for one.
 pub(crate) struct LateEthernet {
     address: [u8; 6],
     parts: Option<(Parts, &'static mut PacketQueue<PACKETS_OUT, PACKETS>)>,
@@ -62,13 +62,13 @@ pub(crate) struct LateEthernet {
 }
 
 impl LateEthernet {
-    /// At the address made of the chip's unique number. There is one.
+    /// Derives the address from the chip's unique number. To be called once.
     pub(crate) fn new(parts: Parts) -> Self {
         let address = mobgate_board::ethernet_address(&uid());
         Self { address, parts: Some((parts, QUEUE.take())), driver: None, next_look: Instant::MIN }
     }
 
-    /// Takes the PHY into use if it is there.
+    /// Starts the driver if the PHY is present.
     fn look(&mut self) {
         let Some((mut parts, queue)) = self.parts.take() else { return };
         let number = has_clock(&mut parts).then(|| find(&mut parts)).flatten();
@@ -96,14 +96,14 @@ impl LateEthernet {
     }
 }
 
-/// Whether the PHY gives its clock of 50 MHz, without which the MAC's reset never ends.
+/// Whether the PHY supplies its 50 MHz clock, without which a reset of the MAC never completes.
 fn has_clock(parts: &mut Parts) -> bool {
     let pin = Input::new(parts.clock.reborrow(), Pull::None);
     let first = pin.is_high();
     (0..LOOKS).any(|_| pin.is_high() != first)
 }
 
-/// The number of the PHY that responds.
+/// The address of the PHY that responds.
 fn find(parts: &mut Parts) -> Option<u8> {
     let (management, data, clock) = &mut parts.management;
     let mut management = Sma::new(management.reborrow(), data.reborrow(), clock.reborrow());
@@ -141,7 +141,7 @@ impl Driver for LateEthernet {
     }
 }
 
-/// Whether the time `at` has come, which is put off by an interval then; the task is woken at that time.
+/// Whether time `at` has come, which then moves on by an interval; wakes the task at that time.
 fn is_time(at: &mut Instant, context: &mut Context<'_>) -> bool {
     let now = Instant::now();
     let is_time = now >= *at;
@@ -152,7 +152,7 @@ fn is_time(at: &mut Instant, context: &mut Context<'_>) -> bool {
     is_time
 }
 
-/// A PHY that agrees with its partner on speed and duplex.
+/// A PHY that negotiates speed and duplex.
 pub(crate) struct NegotiatingPhy {
     management: Sma<'static, p::ETH_SMA>,
     number: u8,
@@ -184,7 +184,7 @@ impl Phy for NegotiatingPhy {
         let was_up = self.is_up;
         self.is_up = self.read(STATUS) & STATUS_UP == STATUS_UP;
         if self.is_up && !was_up {
-            // The best that both can; a partner that does not negotiate is known by its speed, and half duplex.
+            // The best common mode. A partner that does not negotiate is detected by its speed, at half duplex.
             let common = self.read(OWN_ABILITIES) & self.read(PARTNERS_ABILITIES);
             let is_100 = common & (FULL_100 | HALF_100) != 0;
             let is_full = common & FULL_100 != 0 || common & (HALF_100 | FULL_10) == FULL_10;

@@ -1,4 +1,4 @@
-//! A panic or a fault: its words are kept for `show log`, and the board starts again.
+//! Panics and faults: recorded for `show log`, then the board restarts.
 
 use core::arch::asm;
 use core::panic::PanicInfo;
@@ -21,17 +21,16 @@ unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
     SCB::sys_reset()
 }
 
-/// An interrupt that nothing is bound to, or an NMI (number -14): of the flash's error correction, or of a clock that failed.
+/// An interrupt without a handler, or an NMI (number -14): an ECC error of the flash, or a clock failure.
 #[exception]
 unsafe fn DefaultHandler(number: i16) {
     note(format_args!("interrupt {number}, which nobody serves"));
     SCB::sys_reset()
 }
 
-/// A panic of embassy's drivers, which tell defmt and nobody else where they are. The fault's record has the address that
-/// this was called from.
+/// Panics of embassy's drivers, whose location only defmt gets. The fault's record has the caller's address.
 #[defmt::panic_handler]
 fn driver_panic() -> ! {
-    // SAFETY: an undefined instruction is a fault, which does not return.
+    // SAFETY: an undefined instruction raises a fault, which does not return.
     unsafe { asm!("udf #0", options(noreturn)) }
 }

@@ -1,31 +1,30 @@
 //! The chip's flash, for the settings.
 //!
-//! The F4 and the H7 have two banks: the program runs on from the first one while the second is written or erased. The F7 as
-//! delivered has one bank: the chip stands still for up to 2 s per erase (every 60th `save` or so, see
-//! `mobgate-flash`). DMA and the Ethernet go on receiving meanwhile.
+//! The F4 and the H7 have two banks: the program runs on from the first while the second is written or erased. The F7 has one bank
+//! by default: the chip stalls for up to 2 s per erase (about every 60th `save`, see `mobgate-flash`). DMA and Ethernet keep
+//! receiving meanwhile.
 
 use embassy_stm32::flash::{Error, Flash, MAX_ERASE_SIZE, WRITE_SIZE};
 use embedded_storage_async::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
 use mobgate_flash::{TEXT_BYTES_MAX, text_bytes_max};
 
-/// How the flash of the chip is driven: by interrupt where it can be, see above.
+/// Flash driver mode: interrupt-driven where possible, see above.
 #[cfg(feature = "f7")]
 pub(crate) type Mode = embassy_stm32::flash::Blocking;
-/// How the flash of the chip is driven: by interrupt where it can be, see above.
+/// Flash driver mode: interrupt-driven where possible, see above.
 #[cfg(not(feature = "f7"))]
 pub(crate) type Mode = embassy_stm32::flash::Async;
 
-/// Where the settings begin: the last two sectors of 2 MiB, counted from the beginning of the flash. The same numbers stand
-/// in each board's `regions.x`, which keeps the program out of there.
+/// Offset of the settings in the flash: the last two sectors of 2 MiB. Each board's `regions.x` keeps the program out of them.
 pub(crate) const SETTINGS_START: u32 = 2 * 1024 * 1024 - 2 * MAX_ERASE_SIZE as u32;
 
 const _: () = assert!(text_bytes_max::<SettingsFlash>() == TEXT_BYTES_MAX, "the longest settings fit");
 
-/// The flash as the settings' store needs it.
+/// The flash for the settings' store.
 pub(crate) struct SettingsFlash(Flash<'static, Mode>);
 
 impl SettingsFlash {
-    /// All of the chip's flash; the store keeps to its two sectors.
+    /// All of the chip's flash; the store uses only its two sectors.
     pub(crate) fn new(flash: Flash<'static, Mode>) -> Self {
         Self(flash)
     }
@@ -39,7 +38,7 @@ impl ReadNorFlash for SettingsFlash {
     const READ_SIZE: usize = 1;
 
     async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), Error> {
-        // A flash word of the H7 that a power cut left half written cannot simply be read.
+        // On the H7, a flash word left partially written by a power cut needs special handling.
         #[cfg(feature = "h7")]
         return half_written::read(offset, bytes);
         #[cfg(not(feature = "h7"))]
@@ -53,7 +52,7 @@ impl ReadNorFlash for SettingsFlash {
 
 impl NorFlash for SettingsFlash {
     const WRITE_SIZE: usize = WRITE_SIZE;
-    // The sectors at the end are the chip's largest.
+    // The last sectors are the chip's largest.
     const ERASE_SIZE: usize = MAX_ERASE_SIZE;
 
     async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), Error> {
@@ -67,7 +66,7 @@ impl NorFlash for SettingsFlash {
     }
 
     async fn erase(&mut self, from: u32, to: u32) -> Result<(), Error> {
-        // One bank, see above: nobody else feeds the watchdog meanwhile, and the first start erases one sector after the other.
+        // One bank, see above: nothing else can feed the watchdog meanwhile, and the first start erases several sectors in a row.
         #[cfg(feature = "f7")]
         return (from..to).step_by(Self::ERASE_SIZE).try_for_each(|sector| {
             crate::watchdog::feed();
@@ -80,7 +79,7 @@ impl NorFlash for SettingsFlash {
     }
 }
 
-/// Reading what error correction may refuse.
+/// Reads that may fail error correction.
 #[cfg(feature = "h7")]
 mod half_written {
     use core::arch::asm;
@@ -91,11 +90,11 @@ mod half_written {
     use embassy_stm32::pac;
 
     const WORDS: usize = WRITE_SIZE / size_of::<u32>();
-    /// CCR.BFHFNMIGN: data bus faults are ignored at priority -1 (ARMv7-M architecture, B3.2.8).
+    /// CCR.BFHFNMIGN: ignore data bus faults at priority -1 (ARMv7-M architecture, B3.2.8).
     const IGNORE_BUS_FAULTS: u32 = 1 << 8;
 
-    /// Reads as zeros what fails its error correction (RM0433, 4.3.9): on a flash word that a power cut left half written
-    /// the H7 raises a bus fault, which would end every start that looks at the settings.
+    /// Reads words that fail error correction as zeros (RM0433, 4.3.9): on a flash word left partially written by a power cut the
+    /// H7 raises a bus fault, which would end every start when the settings are read.
     pub(super) fn read(offset: u32, bytes: &mut [u8]) -> Result<(), Error> {
         let end = offset as usize + bytes.len();
         if end > FLASH_SIZE {
@@ -116,8 +115,8 @@ mod half_written {
 
     fn flash_word(address: usize) -> [u8; WRITE_SIZE] {
         let mut bytes = [0; WRITE_SIZE];
-        // SAFETY: the address is of the chip's flash, which the caller has checked. Priority -1 lasts for eight reads; no
-        // interrupt can come in between, so nobody else sees faults ignored.
+        // SAFETY: the address is within the chip's flash, as checked by the caller. Priority -1 lasts for eight reads; no interrupt
+        // can occur meanwhile, so no other code runs with faults ignored.
         let failed = unsafe {
             let control = &(*cortex_m::peripheral::SCB::PTR).ccr;
             asm!("cpsid f");
@@ -135,7 +134,7 @@ mod half_written {
         if failed { [0; WRITE_SIZE] } else { bytes }
     }
 
-    /// Whether either bank has seen a word with two wrong bits, which is forgotten.
+    /// Whether either bank has detected a double-bit error; clears it.
     fn clear_failure() -> bool {
         (0..2).fold(false, |failed, bank| {
             let bank = pac::FLASH.bank(bank);

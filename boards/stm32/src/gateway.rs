@@ -17,25 +17,25 @@ use crate::sockets::Network;
 
 /// Ports of any kind. The F4 has the least memory.
 pub(crate) const PORTS: usize = if cfg!(feature = "f4") { 6 } else { 8 };
-/// TCP connections of all servers together: sixteen clients (eight on the F4), and one more that is accepted to decide who
-/// goes.
+/// TCP connections of all servers together: sixteen clients (eight on the F4), and one that is accepted before another is closed
+/// for it.
 pub(crate) const CONNECTIONS: usize = if cfg!(feature = "f4") { 9 } else { 17 };
-/// Connections to outside servers and UDP servers at a time.
+/// Most outgoing connections and UDP servers, together.
 pub(crate) const CONNECTIONS_OUT: usize = 4;
 /// One frame for each connection and each port.
 const RESERVED: usize = CONNECTIONS + PORTS;
-/// And some for those who ask several things at a time.
+/// And some for clients that pipeline requests.
 const FRAMES: usize = RESERVED + 15;
 
 static SLOTS: [Slot; FRAMES] = [const { Slot::new() }; FRAMES];
 static POOL: FramePool<'static> = FramePool::new(&SLOTS, RESERVED);
 static PORT_STATES: Ports<PORTS> = Ports::new();
-/// Made at the start: a connection that nobody has is not all zeros, and a static of them would lie in the flash as well.
+/// Initialised at run time: an unused connection is not all zeros, and a static initialiser would take as much flash.
 static CONNECTION_STATES: StaticCell<[Connection; CONNECTIONS]> = StaticCell::new();
 // Images without it are smaller, see Cargo.toml.
 #[cfg(feature = "ethercat")]
 static CAPTURE: mobgate::capture::Capture = mobgate::capture::Capture::new();
-/// Made at the start: a static with one pointer in it would have a copy of its whole memory in the flash.
+/// Initialised at run time: a static containing a pointer would be copied from the flash as a whole.
 static GATEWAY: OnceLock<Gateway<'static>> = OnceLock::new();
 
 /// The gateway.
@@ -53,7 +53,7 @@ pub(crate) fn gateway() -> &'static Gateway<'static> {
 /// The tasks that must answer for the watchdog to be fed.
 pub(crate) static LIVENESS: Liveness<{ Task::Port as usize + PORTS + CONNECTIONS }> = Liveness::new();
 
-/// Numbers of tasks. The ports and then the connections follow the first port.
+/// Task numbers. The ports and then the connections follow the first port.
 #[derive(Clone, Copy)]
 pub(crate) enum Task {
     Stack,
@@ -66,7 +66,7 @@ pub(crate) enum Task {
     Port,
 }
 
-/// A task by its number, for people.
+/// The name of a task for people, by its number.
 pub(crate) struct TaskName(pub(crate) usize);
 
 impl fmt::Display for TaskName {
@@ -83,7 +83,7 @@ impl fmt::Display for TaskName {
 
 /// Starts routing, the ports and the connections.
 pub(crate) fn start(spawner: Spawner, lines: Lines, network: Network) {
-    // Each pool has room for what is spawned here, and this runs once: no `unwrap` can fail.
+    // Each pool has room for the tasks spawned here, and this runs once: no `unwrap` can fail.
     spawner.spawn(router().unwrap());
     for index in 0..PORTS {
         spawner.spawn(port(index, lines, network).unwrap());

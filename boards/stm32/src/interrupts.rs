@@ -1,4 +1,4 @@
-//! The interrupts of a NUCLEO-144, and what handles them.
+//! Interrupt handlers of a NUCLEO-144.
 
 use embassy_stm32::interrupt::typelevel;
 use embassy_stm32::{bind_interrupts, dma, eth, exti, peripherals as p};

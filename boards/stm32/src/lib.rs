@@ -1,20 +1,20 @@
-//! What the STM32 boards share. A board's `main.rs` sets the clocks of its chip, and [`nucleo144::run`] does the rest.
+//! Code shared by the STM32 boards. A board's `main.rs` sets up the clocks of its chip, and [`nucleo144::run`] does the rest.
 //!
-//! * [`nucleo144`]: the pins and DMA channels of these boards; `interrupts`: their interrupts.
-//! * `line`: an RS-485 line on a UART, and `lines`, the table of them that ports open by name.
-//! * `flash`: the chip's flash for the settings; `start`: how they are read at the start, and the factory reset.
-//! * `ethernet`: the MAC and its PHY; `network`: the stack over it and its sockets.
-//! * `gateway`: the statics and the tasks of the gateway, `console` the console's. `ethercat`: the controller at SPI1.
-//! * `clock`: embassy-time's.
-//! * `system`: the board as the console sees it; `faults`: what becomes of a panic; `watchdog`; `lights`.
+//! * [`nucleo144`]: pins and DMA channels of these boards; `interrupts`: their interrupts.
+//! * `line`: an RS-485 line on a UART; `lines`: the table of lines, which ports open by name.
+//! * `flash`: the chip's flash for the settings; `start`: loading them at start-up, and the factory reset.
+//! * `ethernet`: the MAC and its PHY; `network`: the stack on it and its sockets.
+//! * `gateway`: the gateway's statics and tasks; `console`: the console's task; `ethercat`: the controller on SPI1.
+//! * `clock`: the embassy-time driver.
+//! * `system`: the console's interface to the board; `faults`: panics and faults; `watchdog`; `lights`.
 //!
-//! Caches: the instruction cache is on, the data cache of the Cortex-M7 never is, so what DMA and the Ethernet write is what
-//! the program reads, in every memory.
+//! Caches: the instruction cache is on, the Cortex-M7's data cache is always off, so the program sees what DMA and Ethernet write,
+//! in every memory.
 #![no_std]
 
 mod clock;
 mod console;
-// Images without are smaller, see Cargo.toml.
+// Images without it are smaller, see Cargo.toml.
 #[cfg(feature = "ethercat")]
 mod ethercat;
 mod ethernet;
@@ -30,7 +30,7 @@ pub mod nucleo144;
 mod registers;
 mod sockets;
 mod start;
-// Images without are smaller, see Cargo.toml.
+// Images without it are smaller, see Cargo.toml.
 #[cfg(feature = "ethercat")]
 mod states;
 mod system;

@@ -1,19 +1,20 @@
 //! The three lights and the button of a NUCLEO-144.
 //!
-//! * Green: blinks once a second while every task is well; it stands still when one is not.
+//! * Green: blinks once a second while every task responds; stops when one does not.
 //! * Blue (yellow on the H743ZI2): the network has an address.
 //! * Red: a port is lost or failed to open.
-//! * With EtherCAT, as soon as a controller answers or a port is set for one: green is the RUN light, red the ERR light (ETG.1300).
-//! * All three blink fast: the user button is being held at the start; all three on: the settings are forgotten.
+//! * With EtherCAT, once a controller answers or a port is configured for one: green is the RUN light, red the ERR light
+//!   (ETG.1300).
+//! * All three blink fast: the user button is being held at start-up; all three on: the settings are being deleted.
 
 use embassy_stm32::Peri;
 use embassy_stm32::gpio::{AnyPin, Input, Level, Output, Speed};
 use embassy_time::{Duration, Timer};
 use mobgate::gateway::{Gateway, Status};
 
-/// Half a period of the fast blinking.
+/// Half period of the fast blinking.
 const BLINK: Duration = Duration::from_millis(100);
-/// For so long the button is held for a factory reset: 5 s.
+/// Hold time of the button for a factory reset: 5 s.
 const HELD_BLINKS: u32 = 50;
 
 /// The lights.
@@ -24,7 +25,7 @@ pub(crate) struct Lights {
 }
 
 impl Lights {
-    /// Lights on these pins, off.
+    /// The lights on these pins, off.
     pub(crate) fn new(
         green: Peri<'static, AnyPin>,
         blue: Peri<'static, AnyPin>,
@@ -40,7 +41,7 @@ impl Lights {
         }
     }
 
-    /// Lets `time` pass, and shows meanwhile how EtherCAT does; says whether there was anything to show.
+    /// Waits for `time`, showing the EtherCAT state meanwhile; returns whether there was any to show.
     pub(crate) async fn show_ethercat(&mut self, time: Duration) -> bool {
         // Images without it are smaller, see Cargo.toml.
         #[cfg(feature = "ethercat")]
@@ -52,7 +53,7 @@ impl Lights {
         }
     }
 
-    /// Shows how the gateway does; green and red unless they are EtherCAT's.
+    /// Shows the gateway's state; leaves green and red to EtherCAT if it has them.
     pub(crate) fn show(&mut self, gateway: &Gateway<'_>, has_address: bool, ethercat: bool) {
         self.blue.set_level(has_address.into());
         if !ethercat {
@@ -62,7 +63,7 @@ impl Lights {
         }
     }
 
-    /// Whether the button is held down from now on for 5 s, which the lights show. It connects the pin to 3.3 V.
+    /// Whether the button is held for 5 s from now, shown by the lights. Pressed, it connects the pin to 3.3 V.
     pub(crate) async fn button_is_held(&mut self, button: &Input<'static>) -> bool {
         for nth in 0..HELD_BLINKS {
             if button.is_low() {

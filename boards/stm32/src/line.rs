@@ -1,13 +1,13 @@
-//! An RS-485 line on a UART: DMA receives into a ring and transmits from the caller's buffer.
+//! An RS-485 line on a UART: DMA receives into a ring buffer and transmits from the caller's buffer.
 //!
-//! Receiving. Every character raises an interrupt that wakes the port's task, and DMA has stored it by then. embassy-stm32
-//! has two receive paths of its own; neither is used. Its `BufferedUart` takes characters by interrupt, which loses
-//! them while the chip stands still for an erase of its flash, and on the F4 clears flags in a way that can lose one. Its ring
-//! buffer stops at a framing error and forgets what was not read, and framing errors are common where a
-//! driver lets go of the bus. Here a damaged character stays in its place, is counted, and the frame's CRC tells.
+//! Receiving: every character raises an interrupt that wakes the port's task, and DMA has stored it by then. Neither of
+//! embassy-stm32's receive paths is used. Its `BufferedUart` takes characters by interrupt, which loses them while the chip stalls
+//! for a flash erase, and on the F4 it clears flags in a way that can lose one. Its ring buffer stops at a framing error and
+//! discards unread data, and framing errors are common where a driver releases the bus. Here a damaged character stays in the
+//! buffer and is counted, and the frame's CRC reveals it.
 //!
-//! Transmitting. On the F7 and H7 the UART itself switches the transceiver's driver. On the F4 a pin does: on before the
-//! first character, off by the interrupt that says that the last stop bit has left (TC, not TXE).
+//! Transmitting: on the F7 and H7 the UART switches the transceiver's driver. On the F4 a pin does: on before the first character,
+//! off in the interrupt after the last stop bit (TC, not TXE).
 
 use core::cell::{Cell, RefCell};
 use core::future::poll_fn;
@@ -30,25 +30,24 @@ use mobgate::settings::{Driver, LineSettings, Parity as WireParity};
 
 use crate::registers;
 
-/// Lines of a board, and its console.
+/// Lines of a board, including its console.
 pub(crate) const LINES_MAX: usize = 5;
-/// Characters that wait to be read: half a tenth of a second at 115200 baud, and twice that where the program stands still while
-/// settings are saved.
+/// Receive buffer: about 45 ms at 115200 baud, and twice that on the F7, which stalls while it saves settings.
 pub(crate) const RING_BYTES: usize = if cfg!(feature = "f7") { 1024 } else { 512 };
-/// The hardware's longest time from driver to character and back, in sixteenths of a bit.
+/// Longest driver enable or disable time of the hardware, in sixteenths of a bit.
 const DRIVER_SIXTEENTHS_MAX: u64 = 31;
 
 const NO_FLAWS: Flaws = Flaws { parity: 0, framing: 0, overruns: 0 };
 
 type Shared<T> = Mutex<CriticalSectionRawMutex, T>;
 
-/// What a line shares with its interrupt.
+/// State shared by a line and its interrupt.
 struct Shift {
     uart: Shared<Cell<Option<Usart>>>,
     waker: AtomicWaker,
-    /// The pin that switches the transceiver's driver, where the UART cannot.
+    /// The pin that switches the transceiver's driver, if the UART cannot.
     driver: Shared<RefCell<Option<Output<'static>>>>,
-    /// Of the characters received.
+    /// Flaws of received characters.
     flaws: Shared<Cell<Flaws>>,
 }
 
@@ -61,7 +60,7 @@ static SHIFTS: [Shift; LINES_MAX] = [const {
     }
 }; LINES_MAX];
 
-/// Serves the interrupt of line number `N`'s UART.
+/// The interrupt handler of line `N`'s UART.
 pub(crate) struct LineInterrupt<const N: usize>;
 
 impl<const N: usize, I: Interrupt> Handler<I> for LineInterrupt<N> {
@@ -106,12 +105,12 @@ impl Shift {
     }
 }
 
-/// Switches the driver off as soon as what was begun has left, also when the write is given up.
+/// Switches the driver off once pending characters have left, even if the write is cancelled.
 struct Release(Usart);
 
 impl Drop for Release {
     fn drop(&mut self) {
-        // The interrupt changes the same register.
+        // The interrupt modifies the same register.
         critical_section::with(|_| self.0.cr1().modify(|control| control.set_tcie(true)));
     }
 }
@@ -124,18 +123,18 @@ pub(crate) struct Line {
     ring: ReadableRingBuffer<'static, u8>,
     transmit: Channel<'static>,
     request: Request,
-    /// The bits of a character that are data: with parity the UART stores the parity bit with seven of them.
+    /// Mask of the data bits: with parity the UART stores the parity bit above seven data bits.
     mask: u8,
 }
 
-/// The DMA channels of a line and the requests that they serve.
+/// A line's DMA channels and requests.
 pub(crate) struct Dma {
     receive: (Channel<'static>, Request),
     transmit: (Channel<'static>, Request),
 }
 
 impl Dma {
-    /// The channels of UART `T`. `interrupts` is what `bind_interrupts!` made.
+    /// The channels of UART `T`. `interrupts` comes from `bind_interrupts!`.
     pub(crate) fn new<T: Instance, R: RxDma<T>, W: TxDma<T>>(
         receive: Peri<'static, R>,
         transmit: Peri<'static, W>,
@@ -153,8 +152,8 @@ impl Dma {
 }
 
 impl Line {
-    /// Line number `number`, whose interrupt is bound to [`LineInterrupt`] of the same number. `setup` is with
-    /// [`first_config`], which every UART has. `driver` is the pin that switches the transceiver, where `setup` has none.
+    /// Line `number`, whose interrupt must be bound to the [`LineInterrupt`] of that number. `setup` uses [`first_config`], which
+    /// every UART supports. `driver` is the pin that switches the transceiver, unless `setup` has one.
     pub(crate) fn new(
         number: usize,
         setup: Result<Uart<'static, Blocking>, ConfigError>,
@@ -167,14 +166,14 @@ impl Line {
         shift.uart.lock(|cell| cell.set(Some(uart)));
         shift.driver.lock(|cell| cell.replace(driver));
         let ((channel, request), from) = (dma.receive, registers::receive_address(uart));
-        // SAFETY: the channel is this line's, and so is the buffer; the UART's register is valid for ever.
+        // SAFETY: channel and buffer belong to this line alone; the UART's register is always valid.
         let mut ring = unsafe { ReadableRingBuffer::new(channel, request, from, ring, Default::default()) };
         ring.start();
         let (transmit, request) = dma.transmit;
         Self { setup: setup.unwrap(), uart, shift, ring, transmit, request, mask: u8::MAX }
     }
 
-    /// Sets speed, character format and the driver's times, and forgets what was received before.
+    /// Sets speed, character format and driver times, and discards earlier input.
     pub(crate) fn configure(&mut self, line: &LineSettings) -> Result<(), OpenError> {
         let unsupported = |hint| OpenError::new(OpenErrorKind::Unsupported, hint);
         if line.driver == Driver::Rts {
@@ -194,10 +193,10 @@ impl Line {
     }
 }
 
-/// How the UART of a line is set up at first, with its pins.
+/// Initial configuration of a line's UART and pins.
 pub(crate) fn first_config() -> Config {
     let mut config = Config::default();
-    // A transceiver that hears nothing lets go of the pin. `set_config` does not touch pins.
+    // An idle transceiver may leave the pin floating. `set_config` does not change pins.
     config.rx_pull = Pull::Up;
     config
 }
@@ -238,7 +237,7 @@ impl Read for Line {
                 match self.ring.read(into) {
                     Ok((0, _)) => return Poll::Pending,
                     Ok((count, _)) => return Poll::Ready(count),
-                    // Nobody has read for the length of the ring: what is there has no beginning and no end.
+                    // Overrun of the ring: its contents have no beginning and no end.
                     Err(_) => {
                         defmt::warn!("a line's characters were not read in time");
                         self.shift.count(Flaws { overruns: 1, ..NO_FLAWS });
@@ -265,7 +264,7 @@ impl Write for Line {
             Release(self.uart)
         });
         let to = registers::transmit_address(self.uart);
-        // SAFETY: the channel is this line's; dropping the transfer stops it, so it does not outlive `from`.
+        // SAFETY: the channel belongs to this line; dropping the transfer stops it, so it does not outlive `from`.
         unsafe { self.transmit.write(self.request, from, to, Default::default()) }.await;
         drop(release);
         Ok(from.len())

@@ -1,4 +1,4 @@
-//! The board's lines, which ports open by their names.
+//! The board's lines, which ports open by name.
 
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::mutex::{Mutex, MutexGuard};
@@ -8,10 +8,10 @@ use mobgate::settings::LineSettings;
 
 use crate::line::Line;
 
-/// RS-485 lines of each STM32 board.
+/// RS-485 lines of an STM32 board.
 pub(crate) const LINES: usize = 4;
 
-/// A line, locked by the port that has it open.
+/// A line, locked by the port that uses it.
 pub(crate) type SharedLine = Mutex<NoopRawMutex, Line>;
 
 /// The board's lines, `uart1` to `uart4`.
@@ -36,8 +36,8 @@ impl SerialHost for Lines {
         Ok(OpenLine(open))
     }
 
-    /// DMA feeds the transmitter, and a character's time is far longer than what any task takes. But an F7 stands still
-    /// while its flash is erased, and a frame that is being passed on would be torn.
+    /// DMA feeds the transmitter, and a character takes far longer than any task's poll. But an F7 stalls while its flash is
+    /// erased, which would tear a frame that is being forwarded.
     fn never_underruns(&self) -> bool {
         !cfg!(feature = "f7")
     }

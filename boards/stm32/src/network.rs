@@ -1,4 +1,4 @@
-//! The Ethernet: driver, stack, sockets. The cable may come and go; the stack notices within half a second.
+//! The network: Ethernet driver, stack, sockets. The stack notices a cable change within half a second.
 
 use core::pin::pin;
 
@@ -14,9 +14,9 @@ use crate::ethernet::LateEthernet;
 use crate::gateway::{CONNECTIONS, CONNECTIONS_OUT, LIVENESS, Task, gateway};
 use crate::sockets::Network;
 
-/// Sockets at a time: accepted connections, made ones and UDP.
+/// Open sockets: incoming and outgoing connections, and UDP.
 const SOCKETS: usize = CONNECTIONS + CONNECTIONS_OUT;
-/// Half for each direction: the longest frame of Modbus TCP.
+/// The longest Modbus TCP frame for each direction.
 const SOCKET_BYTES: usize = 2 * 260;
 
 static BUFFERS: ConstStaticCell<[[u8; SOCKET_BYTES]; SOCKETS]> =
@@ -24,15 +24,15 @@ static BUFFERS: ConstStaticCell<[[u8; SOCKET_BYTES]; SOCKETS]> =
 static RESOURCES: StaticCell<StackResources<{ SOCKETS + STACK_SOCKETS }>> = StaticCell::new();
 static POOL: StaticCell<Sockets> = StaticCell::new();
 
-/// Starts the stack over `driver`, at first with DHCP; the settings follow.
+/// Starts the stack on `driver`, with DHCP until the settings are applied.
 pub(crate) fn start(spawner: Spawner, driver: LateEthernet) -> Network {
-    // Different boards do not ask in step, nor begin with the same TCP port. It is no secret.
+    // Keeps boards from sending DHCP requests in step and from starting with the same TCP port. Need not be secret.
     let seed = uid().iter().fold(0, |seed: u64, &byte| seed.rotate_left(5) ^ u64::from(byte));
     let config = address::stack_config(&OwnNetwork::DEFAULT);
     let (stack, runner) = embassy_net::new(driver, config, RESOURCES.init_with(StackResources::new), seed);
     let buffers = BUFFERS.take().iter_mut().map(|buffer| buffer.as_mut_slice());
     let sockets: &'static Sockets = POOL.init(Sockets::new(stack, buffers));
-    // Each is spawned once: the slot of the task is free.
+    // Each is spawned once: the task slot is free.
     spawner.spawn(run_stack(runner).unwrap());
     spawner.spawn(run_sockets(sockets).unwrap());
     Network(sockets)

@@ -1,5 +1,4 @@
-//! A NUCLEO-144: its UARTs, pins and DMA channels, which are the same on all of these boards. boards/README.md has
-//! the connectors.
+//! A NUCLEO-144: its UARTs, pins and DMA channels, the same on all of these boards. See boards/README.md for the connectors.
 
 use embassy_executor::Spawner;
 use embassy_stm32::flash::Flash;
@@ -22,15 +21,15 @@ static RINGS: ConstStaticCell<[[u8; RING_BYTES]; LINES_MAX]> =
     ConstStaticCell::new([[0; RING_BYTES]; LINES_MAX]);
 static SHARED: StaticCell<[SharedLine; LINES]> = StaticCell::new();
 
-/// Line number `$number` of the peripherals `$p`: its UART, the pins that receive and transmit and the channels that do, and
-/// the pin that switches the transceiver's driver.
+/// Line `$number` of the peripherals `$p`: its UART, its receive and transmit pins, the DMA channels for both, and the pin that
+/// switches the transceiver's driver.
 macro_rules! line {
     ($p:ident, $ring:expr, $number:literal, $uart:ident, $receive:ident, $transmit:ident, $from:ident, $to:ident) => {
         line!(@ $p, $ring, $number, $uart, $from, $to, None,
             Uart::new_blocking($p.$uart, $p.$receive, $p.$transmit, first_config()))
     };
     ($p:ident, $ring:expr, $number:literal, $uart:ident, $receive:ident, $transmit:ident, $from:ident, $to:ident, $driver:ident) => {{
-        // The UARTs of the F4 cannot switch a driver.
+        // The F4's UARTs cannot switch a driver.
         #[cfg(feature = "f4")]
         let line = {
             use embassy_stm32::gpio::{Level, Output, Speed};
@@ -47,19 +46,19 @@ macro_rules! line {
     };
 }
 
-/// Runs the gateway on the board `name`, whose clocks are set.
+/// Runs the gateway on the board `name`, with the clocks set up.
 pub async fn run(spawner: Spawner, name: &'static str, p: Peripherals) -> ! {
     clock::start();
-    // The H7 has a watchdog for each core that it may have.
+    // On the H7, watchdogs are numbered by core.
     #[cfg(feature = "h7")]
     let watchdog = p.IWDG1;
     #[cfg(not(feature = "h7"))] // As above.
     let watchdog = p.IWDG;
     let mut watchdog = IndependentWatchdog::new(watchdog, watchdog::TIMEOUT_US);
-    // First of all: whatever hangs behind it ends.
+    // Before anything that may hang.
     watchdog.unleash();
     registers::prepare_memories();
-    // F4 before revision 3 read bank 2 wrong unless PA12 is held low (errata 2.2.11).
+    // F4 chips before revision 3 misread bank 2 unless PA12 is held low (errata 2.2.11).
     #[cfg(feature = "f4")]
     let _held_low = embassy_stm32::gpio::OutputOpenDrain::new_pull(
         p.PA12,

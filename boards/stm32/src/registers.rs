@@ -1,40 +1,39 @@
-//! The registers that differ between the families: the USARTs of the F4 are of an older generation, and the H7 counts its
-//! resets elsewhere. Besides it, only `flash`, `interrupts` and `nucleo144` ask for the family.
+//! Registers that differ between the families: the F4's USARTs are of an older generation, and the H7 records resets elsewhere.
 
 use embassy_stm32::pac::usart::Usart;
 use mobgate::hal::Flaws;
 
-/// The register that DMA reads received characters from.
+/// The register from which DMA reads received characters.
 pub(crate) fn receive_address(uart: Usart) -> *mut u8 {
-    // One register for both directions on the F4.
+    // The F4 has one register for both directions.
     #[cfg(feature = "f4")]
     return uart.dr().as_ptr().cast();
     #[cfg(not(feature = "f4"))]
     return uart.rdr().as_ptr().cast();
 }
 
-/// The register that DMA writes characters to.
+/// The register to which DMA writes characters.
 pub(crate) fn transmit_address(uart: Usart) -> *mut u8 {
-    // One register for both directions on the F4.
+    // The F4 has one register for both directions.
     #[cfg(feature = "f4")]
     return uart.dr().as_ptr().cast();
     #[cfg(not(feature = "f4"))]
     return uart.tdr().as_ptr().cast();
 }
 
-/// Whether the last character has left, stop bits and all.
+/// Whether the last character has left, including its stop bits.
 pub(crate) fn transmitted(uart: Usart) -> bool {
-    // The status register's name.
+    // The status register has another name.
     #[cfg(feature = "f4")]
     return uart.sr().read().tc();
     #[cfg(not(feature = "f4"))]
     return uart.isr().read().tc();
 }
 
-/// Forgets that an earlier transmission is complete, without touching a flag that may rise meanwhile.
+/// Clears the transmission-complete flag without touching flags that may be set meanwhile.
 pub(crate) fn forget_transmitted(uart: Usart) {
-    // Flags of the F4 are cleared by writing zero and kept by writing one. Reading the register, clearing the bit and
-    // writing the rest back would clear RXNE of a character that arrives in between.
+    // The F4's flags are cleared by writing zeros and kept by ones. A read-modify-write would clear RXNE of a character that
+    // arrives in between.
     #[cfg(feature = "f4")]
     uart.sr().write(|flags| {
         flags.0 = u32::MAX;
@@ -44,11 +43,11 @@ pub(crate) fn forget_transmitted(uart: Usart) {
     uart.icr().write(|flags| flags.set_tc(true));
 }
 
-/// What is wrong with the character that has just been received, which is forgotten.
+/// Reads and clears the flaws of the character just received.
 pub(crate) fn take_flaws(uart: Usart) -> Flaws {
-    // Flags of the F4 go when the status and then the character have been read. The latter is DMA's: the flags of a character
-    // go with the next one, so that of two bad ones in a row one is counted. An overrun would interrupt for ever, and
-    // the character is lost already: it is read here.
+    // The F4 clears its flags when the status and then the character are read. DMA reads the character, so its flags may be cleared
+    // with the next one's, and of two bad characters in a row one may be counted. An overrun would interrupt for ever; its
+    // character is lost already, so it is read here.
     #[cfg(feature = "f4")]
     let status = {
         let status = uart.sr().read();
@@ -57,7 +56,7 @@ pub(crate) fn take_flaws(uart: Usart) -> Flaws {
         }
         status
     };
-    // Newer USARTs do not detect overruns here, and have a register to clear flags by.
+    // Newer USARTs do not detect overruns here, and have a register for clearing flags.
     #[cfg(not(feature = "f4"))]
     let status = {
         let status = uart.isr().read();
@@ -70,8 +69,8 @@ pub(crate) fn take_flaws(uart: Usart) -> Flaws {
     Flaws { parity: status.pe().into(), framing: status.fe().into(), overruns: status.ore().into() }
 }
 
-/// What embassy-stm32 leaves as it is: reception that an overrun does not stop, and the driver's times in sixteenths of
-/// a bit, of which it writes the first one into both places.
+/// Settings missing in embassy-stm32: reception that continues after an overrun, and separate driver times in sixteenths of a bit;
+/// it uses the first one for both.
 pub(crate) fn complete_setup(uart: Usart, before: u8, after: u8) {
     uart.cr1().modify(|control| control.set_ue(false));
     // The F4 has neither.
@@ -95,10 +94,10 @@ pub(crate) fn complete_setup(uart: Usart, before: u8, after: u8) {
     });
 }
 
-/// Why the chip started, once: it is forgotten.
+/// Reads and clears the cause of the chip's reset.
 pub(crate) fn reset_cause() -> &'static str {
     use embassy_stm32::pac::RCC;
-    // A register of its own on the H7, with a bit for each power domain's watchdog.
+    // The H7 has a separate register, with a flag for each power domain's watchdog.
     #[cfg(feature = "h7")]
     let (watchdog, software, power, pin) = {
         let flags = RCC.rsr().read();
@@ -117,7 +116,7 @@ pub(crate) fn reset_cause() -> &'static str {
         let power = flags.borrstf() || flags.porrstf();
         (flags.wdgrstf() || flags.wwdgrstf(), flags.sftrstf(), power, flags.padrstf())
     };
-    // Every reset pulls the pin as well, so the pin comes last.
+    // Every reset also pulls the pin low, so the pin is checked last.
     match (watchdog, software, power, pin) {
         (true, ..) => "started by the watchdog",
         (_, true, ..) => "started by reboot or after a fault",
@@ -127,29 +126,29 @@ pub(crate) fn reset_cause() -> &'static str {
     }
 }
 
-/// Lets the program run at full speed, and keeps the H7's memory right.
+/// Enables caches for full speed, and works around a memory erratum of the H7.
 pub(crate) fn prepare_memories() {
-    // The Cortex-M4 of the F4 has no cache; its flash has one, and a prefetch, both off after a reset.
+    // The F4's Cortex-M4 has no cache; its flash interface has one, and a prefetch, both off after a reset.
     #[cfg(feature = "f4")]
     embassy_stm32::pac::FLASH.acr().modify(|control| {
         control.set_icen(true);
         control.set_prften(true);
     });
     #[cfg(not(feature = "f4"))]
-    // SAFETY: nobody else has the SCB: embassy-stm32 keeps nothing of it, and this runs once, at the start.
+    // SAFETY: nobody else uses the SCB: embassy-stm32 keeps no part of it, and this runs once, at start-up.
     unsafe { cortex_m::Peripherals::steal() }.SCB.enable_icache();
-    // Before revision X, reads of the AXI SRAM are corrupted where several masters read (errata 2.2.9): one at a time.
+    // Before revision X, reads of the AXI SRAM by several masters may be corrupted (errata 2.2.9): limit them to one at a time.
     #[cfg(feature = "h7")]
     if embassy_stm32::pac::DBGMCU.idc().read().rev_id() < 0x2000 {
-        /// AXI_TARG7_FN_MOD (RM0433, 2.2.4), which no crate has. Bit 0 is READ_ISS_OVERRIDE.
+        /// AXI_TARG7_FN_MOD (RM0433, 2.2.4), which no crate defines. Bit 0 is READ_ISS_OVERRIDE.
         const TARGET_7: *mut u32 = 0x5100_8108 as *mut u32;
-        // SAFETY: the register is there on every H743, and nobody else writes it.
+        // SAFETY: every H743 has the register, and nobody else writes it.
         unsafe { TARGET_7.write_volatile(1) };
     }
 }
 
-/// Forgets what went wrong at the flash before: embassy-stm32 writes the status register, which on the H7 does not clear it, and would
-/// refuse each operation after an error until the next reset.
+/// Clears the flash's error flags: embassy-stm32 writes the status register, which does not clear them on the H7, and would refuse
+/// every operation after an error until the next reset.
 #[cfg(feature = "h7")]
 pub(crate) fn forget_flash_errors() {
     for bank in [0, 1].map(|bank| embassy_stm32::pac::FLASH.bank(bank)) {

@@ -1,4 +1,4 @@
-//! The sockets of the board's network, for the tasks that have some.
+//! A handle of the network's sockets for tasks.
 
 use embassy_net::Stack;
 use mobgate_net::Sockets;

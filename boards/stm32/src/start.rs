@@ -1,4 +1,4 @@
-//! The settings at the start: read from the flash, or forgotten when the button is held.
+//! The settings at start-up: read from the flash, or deleted if the button is held.
 
 use core::fmt;
 
@@ -11,9 +11,9 @@ use crate::gateway::gateway;
 pub(crate) enum Problem {
     /// The button was held.
     Forgotten,
-    /// The flash cannot be made to forget them.
+    /// The saved settings cannot be deleted.
     Store(StoreError),
-    /// The flash gives nothing, or what this firmware does not understand, or this board does not have.
+    /// They cannot be read, or are not valid for this firmware or board.
     Unchanged(Unchanged),
 }
 
@@ -27,11 +27,11 @@ impl fmt::Display for Problem {
     }
 }
 
-/// Takes the saved settings over, or after `forget` forgets them. Whatever goes wrong, the gateway runs and the console is
-/// there to set it right.
+/// Applies the saved settings, or deletes them if `forget`. Even after an error the gateway runs, and the problem can be fixed at
+/// the console.
 pub(crate) async fn settings(store: &mut impl Store, forget: bool) -> Result<(), Problem> {
     if forget {
-        // An empty text is none.
+        // An empty text means no settings.
         store.commit().await.map_err(Problem::Store)?;
         return Err(Problem::Forgotten);
     }

@@ -1,4 +1,4 @@
-//! The state of the data points and of the EtherCAT SubDevice.
+//! The states of the data points and of the EtherCAT SubDevice.
 
 use embassy_time::Duration;
 use ethercat_subdevice::indicators::Lamps;
@@ -9,12 +9,12 @@ use mobgate::scanner::ScannerState;
 pub(crate) static SCANNER: ScannerState = ScannerState::new();
 pub(crate) static ETHERCAT: EthercatState = EthercatState::new();
 
-/// The gateway with both.
+/// Adds both to the gateway.
 pub(crate) fn join(gateway: Gateway<'static>) -> Gateway<'static> {
     gateway.with_scanner(&SCANNER).with_ethercat(&ETHERCAT)
 }
 
-/// Lets `time` pass with the RUN and ERR lights on `lamps`; whether there was anything to show.
+/// Waits for `time`, showing RUN and ERR on `lamps`; returns whether there was anything to show.
 pub(crate) async fn light_for(lamps: &mut impl Lamps, time: Duration) -> bool {
     ETHERCAT.light_for(lamps, time).await
 }

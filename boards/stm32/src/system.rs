@@ -1,4 +1,4 @@
-//! The board as the console sees it.
+//! The console's interface to the board.
 
 use core::fmt::Write;
 
@@ -11,7 +11,7 @@ use crate::registers;
 use crate::sockets::Network;
 use crate::start::Problem;
 
-/// A board and what it has to report of its start.
+/// A board and the events of its start.
 pub(crate) struct Board {
     name: &'static str,
     network: Network,
@@ -21,7 +21,7 @@ pub(crate) struct Board {
 }
 
 impl Board {
-    /// Board `name`; asks the chip why it started.
+    /// Board `name`; reads the reset cause.
     pub(crate) fn new(name: &'static str, network: Network) -> Self {
         Self {
             name,

@@ -1,4 +1,4 @@
-//! The watchdog is fed as long as every task answers.
+//! Feeds the watchdog as long as every task answers.
 
 use embassy_stm32::wdg::IndependentWatchdog;
 use embassy_time::Duration;
@@ -7,20 +7,20 @@ use crate::gateway::{LIVENESS, TaskName, gateway};
 use crate::lights::Lights;
 use crate::sockets::Network;
 
-/// The chip starts again when it was not fed for so long. Erasing a sector of an F7 takes 2 s (4 s at worst), and everything
-/// stands still meanwhile. The chip's own oscillator counts, which may be a third faster than it says.
+/// Reset after this time without feeding. Erasing a sector of an F7 takes 2 s (4 s at worst), and everything stalls meanwhile. The
+/// watchdog has its own oscillator, which may run a third fast.
 pub(crate) const TIMEOUT_US: u32 = 10_000_000;
-/// Tasks have so long to answer.
+/// Time limit for the tasks' answers.
 const PERIOD: Duration = Duration::from_millis(500);
 
-/// Feeds the watchdog before something for which the chip stands still; one that does not run yet takes no notice.
+/// Feeds the watchdog before an operation that stalls the chip; has no effect before the watchdog is started.
 #[cfg(feature = "f7")]
 pub(crate) fn feed() {
     use embassy_stm32::pac::{IWDG, iwdg::vals::Key};
     IWDG.kr().write(|command| command.set_key(Key::RESET));
 }
 
-/// Asks the tasks, feeds the watchdog, which runs, while all answer, and shows it. The first silent task is written down.
+/// Polls the tasks, feeds the running watchdog while all answer, and shows it on the lights. Records the first silent task.
 pub(crate) async fn watch<T: embassy_stm32::wdg::Instance>(
     mut watchdog: IndependentWatchdog<'static, T>,
     mut lights: Lights,

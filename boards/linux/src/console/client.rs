@@ -1,7 +1,7 @@
-//! `mobgate console`: joins the console of a gateway that runs on this machine.
+//! `mobgate console`: joins the console of a gateway running on this machine.
 //!
-//! At a terminal each key goes to the gateway's line editor and what it draws comes back, so the terminal is raw till the end, also
-//! if that is a signal. Otherwise lines go there, from the command line or from standard input, and only answers come back.
+//! At a terminal the gateway's line editor gets each key and draws the output, so the terminal is raw until the end, even if a
+//! signal ends the program. Otherwise lines are sent, from the command line or standard input, and only the answers are printed.
 
 use std::io::{self, IsTerminal, Read as _, Write as _, stdin, stdout};
 use std::net::Shutdown;
@@ -19,12 +19,12 @@ use super::socket;
 use crate::cli::Join;
 use crate::stdio::{RawMode, hand_on};
 
-/// A line was refused.
+/// Exit code: a line was refused.
 const REFUSED: u8 = 1;
-/// No gateway was reached, or it has ended the session.
+/// Exit code: no gateway was reached, or it ended the session.
 const NOT_ASKED: u8 = 3;
 
-/// Joins the console until the session ends, or has one line carried out.
+/// Joins the console until the session ends, or runs one line.
 pub fn run(join: &Join) -> ExitCode {
     match converse(join) {
         Ok(Some(true)) => ExitCode::SUCCESS,
@@ -37,7 +37,7 @@ pub fn run(join: &Join) -> ExitCode {
     }
 }
 
-/// Whether the gateway has carried out what it was told, if it has said so.
+/// Whether the gateway carried out all lines; `None` if it did not tell.
 fn converse(join: &Join) -> Result<Option<bool>, String> {
     let stream = socket::connect(join.socket.as_deref())?;
     let fault = |error: io::Error| format!("console: {error}");
@@ -52,24 +52,24 @@ fn converse(join: &Join) -> Result<Option<bool>, String> {
     let _raw_until_the_end = if terminal { Some(Raw::enter().map_err(fault)?) } else { None };
     greet(&stream, if terminal { Hello::Terminal } else { Hello::Lines });
     let to = stream.try_clone().map_err(fault)?;
-    // Of its own, because the gateway may want its responses to be read before it reads on.
+    // A separate thread, because the gateway may stop reading until its responses are read.
     thread::spawn(move || {
         hand_on(stdin(), &to, terminal);
-        // Where the session ends first there is nobody to tell.
+        // If the session ended first, there is no peer.
         to.shutdown(Shutdown::Write)
     });
-    // At a terminal the user has seen what came of each line.
+    // At a terminal the user has seen the result of each line.
     print(&stream).map(|all| if terminal { all.map(|_| true) } else { all }).map_err(fault)
 }
 
-/// Begins the session. If the gateway has ended it already, it has said why.
+/// Starts the session. Write errors are ignored: if the gateway has closed the connection, it has sent the reason.
 fn greet(mut stream: &UnixStream, hello: Hello) {
     if let Some(byte) = hello.byte() {
         let _ = stream.write_all(&[byte]);
     }
 }
 
-/// The terminal's raw mode, which ends with this, or before a signal ends the program.
+/// The terminal's raw mode, which ends on drop, or before a signal ends the program.
 struct Raw(Arc<Mutex<Option<RawMode>>>);
 
 impl Raw {
@@ -97,14 +97,14 @@ impl Drop for Raw {
     }
 }
 
-/// Prints what comes till the end of the session; gives what its last byte says.
+/// Prints the session's output until its end; returns the status in its last byte.
 fn print(mut stream: &UnixStream) -> io::Result<Option<bool>> {
     let (mut piece, mut last) = ([0; 4096], None);
     loop {
         let part = match stream.read(&mut piece) {
             Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
             Ok(count @ 1..) => &piece[..count],
-            // The gateway has ended it, in whatever way.
+            // The gateway closed or dropped the connection.
             _ => return Ok(last),
         };
         last = part.last().copied().and_then(carried_out);

@@ -1,4 +1,4 @@
-//! A connection to the console: a socket of this machine, or TCP.
+//! A connection to the console: a Unix socket or TCP.
 
 use std::io::{self, Read as _, Write as _};
 use std::net::{Shutdown, SocketAddr};
@@ -16,10 +16,10 @@ use super::peer::Peer;
 use crate::descriptor::Descriptor;
 use crate::tcp::TcpStream;
 
-/// Time that the last words of a session may take, and its orderly end.
+/// Time limit for the last words of a session and an orderly close.
 const CLOSE_MAX: Duration = Duration::from_millis(250);
 
-/// Who wants a session.
+/// A client of the console.
 #[derive(Debug)]
 pub struct Guest {
     stream: Stream,
@@ -34,18 +34,18 @@ enum Stream {
 }
 
 impl Guest {
-    /// Whoever has connected from `peer`.
+    /// A client connected by TCP from `peer`.
     pub(super) fn by_tcp(stream: TcpStream, peer: SocketAddr) -> Self {
         Self { stream: Stream::Tcp(stream), who: peer.to_string(), hello: Hello::None }
     }
 
-    /// The process `peer`, which may use the console.
+    /// The process `peer`, which is authorised to use the console.
     pub(super) fn by_socket(stream: UnixStream, peer: &Peer) -> io::Result<Self> {
         let stream = Stream::Local(Descriptor::new(stream)?);
         Ok(Self { stream, who: peer.to_string(), hello: Hello::None })
     }
 
-    /// Waits for the first byte, which says what kind of session this is.
+    /// Waits for the first byte, which selects the mode of the session.
     pub(super) async fn begin(&mut self) -> io::Result<Mode> {
         let Stream::Local(stream) = &mut self.stream else { return Ok(Mode::Network) };
         let mut first = [0];
@@ -57,12 +57,12 @@ impl Guest {
         Ok(self.hello.mode())
     }
 
-    /// Says `last`, and closes the connection in order; not for long, if the peer does not take it.
+    /// Sends `last` and closes the connection; limits the time if the peer does not read.
     pub(super) async fn dismiss(mut self, last: &[u8]) {
         select(self.write_all(last), Timer::after(CLOSE_MAX)).await;
         match self.stream {
             Stream::Tcp(stream) => stream.close().await,
-            // What is written stays to be read.
+            // The peer can still read what was written.
             Stream::Local(stream) => drop(stream.get_ref().shutdown(Shutdown::Both)),
         }
     }
@@ -89,7 +89,7 @@ impl Write for Guest {
         }
     }
 
-    /// Nothing is held back.
+    /// Nothing is buffered.
     async fn flush(&mut self) -> io::Result<()> {
         Ok(())
     }

@@ -1,32 +1,32 @@
-//! What `mobgate console` and the gateway say to each other besides lines and their responses: a byte at either end.
+//! The protocol between `mobgate console` and the gateway: one extra byte at either end of the session.
 //!
-//! Who sends no such byte (`nc -U`, `socat`) has a session of plain lines, and gets none.
+//! Clients that send no such byte (`nc -U`, `socat`) get a session of plain lines, and no status byte.
 
 use mobgate::console::{Ended, Mode};
 
-/// The first byte of a client at a terminal: each key is a byte.
+/// First byte of a client at a terminal: each key is a byte.
 const TERMINAL: u8 = 0x01;
-/// The first byte of a client that sends lines.
+/// First byte of a client that sends lines.
 const LINES: u8 = 0x02;
 
-/// The last byte of a session in which every line was carried out.
+/// Last byte of a session in which every line succeeded.
 const DONE: u8 = 0x06;
-/// The last byte of one in which some line was refused.
+/// Last byte of a session in which a line was refused.
 const REFUSED: u8 = 0x15;
 
-/// How a client begins a session.
+/// How a client starts a session.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Hello {
-    /// Without a word.
+    /// Without a hello byte.
     None,
-    /// As a terminal.
+    /// As a terminal, whose every key is sent.
     Terminal,
-    /// With lines, whose fate it wants to know.
+    /// With lines, and wants the status byte.
     Lines,
 }
 
 impl Hello {
-    /// What the first byte of a session says.
+    /// Decodes the first byte of a session.
     pub(super) fn of(byte: u8) -> Self {
         match byte {
             TERMINAL => Self::Terminal,
@@ -35,7 +35,7 @@ impl Hello {
         }
     }
 
-    /// The byte that says so, if one does.
+    /// The byte to send, if any.
     pub(super) fn byte(self) -> Option<u8> {
         match self {
             Self::None => None,
@@ -52,12 +52,12 @@ impl Hello {
     }
 }
 
-/// The byte that says how a session has ended.
+/// The status byte of a session.
 pub(super) fn farewell(ended: Ended) -> u8 {
     if ended == (Ended::Left { refused: false }) { DONE } else { REFUSED }
 }
 
-/// Whether `byte` says that every line was carried out, if it is the last byte of a session. Nothing printed has these bytes.
+/// Decodes a possible status byte, the last one of a session. Console output never contains these bytes.
 pub(super) fn carried_out(byte: u8) -> Option<bool> {
     match byte {
         DONE => Some(true),

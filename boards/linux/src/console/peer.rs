@@ -1,4 +1,4 @@
-//! Who is at the other end of a socket of this machine, and whether the console is for them.
+//! Identifies the peer of a Unix socket, and decides whether it may use the console.
 
 use std::fmt;
 use std::io;
@@ -9,12 +9,12 @@ use rustix::process::geteuid;
 
 use crate::hint::group_id;
 
-/// The members of this group may use the console.
+/// Members of this group may use the console.
 pub(super) const GROUP: &str = "mobgate";
-/// Groups that a process can be in (`NGROUPS_MAX`).
+/// Most groups of a process (`NGROUPS_MAX`).
 const GROUPS_MAX: usize = 65536;
 
-/// A process, as it was when it connected.
+/// A process, with its credentials at connection time.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Peer {
     process: i32,
@@ -23,7 +23,7 @@ pub(super) struct Peer {
 }
 
 impl Peer {
-    /// Who is connected to `socket`: the kernel says so, and not the peer.
+    /// The process connected to `socket`, according to the kernel.
     pub(super) fn of(socket: impl AsFd) -> io::Result<Self> {
         let credentials = socket_peercred(&socket)?;
         let mut groups = groups(&socket)?;
@@ -31,7 +31,7 @@ impl Peer {
         Ok(Self { process: credentials.pid.as_raw_nonzero().get(), user: credentials.uid.as_raw(), groups })
     }
 
-    /// Whether the console is for it: root, the gateway's own user, and the members of [`GROUP`].
+    /// Whether it may use the console: root, the gateway's own user, and members of [`GROUP`].
     pub(super) fn may_enter(&self) -> bool {
         self.is_one_of(geteuid().as_raw(), group_id(GROUP))
     }
@@ -47,11 +47,11 @@ impl fmt::Display for Peer {
     }
 }
 
-/// The supplementary groups of the process at the other end.
+/// The supplementary groups of the peer process.
 fn groups(socket: &impl AsFd) -> io::Result<Vec<u32>> {
     let mut groups = vec![0_u32; GROUPS_MAX];
     let mut bytes = (GROUPS_MAX * size_of::<u32>()) as libc::socklen_t;
-    // SAFETY: the kernel writes at most `bytes` bytes to `groups`, which has as many, and how many it wrote to `bytes`.
+    // SAFETY: the kernel writes at most `bytes` bytes to `groups`, which is that large, and stores the number written in `bytes`.
     let got = unsafe {
         libc::getsockopt(
             socket.as_fd().as_raw_fd(),

@@ -1,4 +1,4 @@
-//! The sessions that run at a time: whoever comes gets one, and the one in which nothing happens for longest makes way.
+//! The concurrent console sessions: a new client gets a free slot, or that of the session idle for longest.
 
 use std::cell::Cell;
 use std::io;
@@ -16,12 +16,12 @@ use super::guest::Guest;
 use super::hello::{Hello, farewell};
 use crate::store::FileStore;
 
-/// Sessions at a time.
+/// Concurrent sessions.
 pub const SESSIONS_MAX: usize = 4;
-/// A session in which nothing is typed or printed for so long ends.
+/// A session without input or output for this long ends.
 const IDLE_MAX: Duration = Duration::from_secs(30 * 60);
 
-/// The places for sessions, each of which a task serves.
+/// Session slots, each served by a task.
 pub struct Sessions {
     places: [Place; SESSIONS_MAX],
     idle_max: Duration,
@@ -33,11 +33,11 @@ impl Default for Sessions {
     }
 }
 
-/// A place for a session.
+/// A session slot.
 struct Place {
-    /// When something was typed or printed last; none while it is free.
+    /// Last input or output; `None` while the slot is free.
     last: Cell<Option<Instant>>,
-    /// Who gets it next: at once, whoever has it.
+    /// The next client of this slot; it displaces the current one at once.
     next: Signal<NoopRawMutex, Guest>,
 }
 
@@ -47,7 +47,7 @@ impl Default for Place {
     }
 }
 
-/// How a session came to its end.
+/// How a session ended.
 enum End {
     Ended(io::Result<Ended>),
     Idle,
@@ -55,15 +55,15 @@ enum End {
 }
 
 impl Sessions {
-    /// Gives `guest` a free place, or that of the session in which nothing has happened for longest.
+    /// Gives `guest` a free slot, or that of the session idle for longest.
     pub fn admit(&self, guest: Guest) {
-        // No time is before all others. There is a place.
+        // `None` sorts first. There is at least one slot.
         let Some(place) = self.places.iter().min_by_key(|place| place.last.get()) else { return };
         place.last.set(Some(Instant::now()));
         place.next.signal(guest);
     }
 
-    /// Serves the place of this `number`, for ever.
+    /// Serves slot `number`; never returns.
     pub async fn serve(&self, number: usize, gateway: &Gateway<'_>, store: FileStore, system: &impl System) {
         let place = &self.places[number];
         let mut guest = place.next.wait().await;
@@ -89,7 +89,7 @@ impl Sessions {
     }
 }
 
-/// Runs the session of `guest`.
+/// Runs a guest's session.
 async fn session(
     guest: &mut Guest,
     last: &Cell<Option<Instant>>,
@@ -101,7 +101,7 @@ async fn session(
     console::run(gateway, Watched { guest, last }, &mut store, system, mode).await
 }
 
-/// Ends the session of `guest` with a word about why; gives who comes next, if that is why.
+/// Ends a session and tells its user why; returns the guest that displaced it.
 async fn end_of(guest: Guest, end: End) -> Option<Guest> {
     let who = guest.who.clone();
     let (last, next) = match end {
@@ -124,15 +124,15 @@ async fn end_of(guest: Guest, end: End) -> Option<Guest> {
     next
 }
 
-/// Says why a session ends, in the log and to its user.
+/// Logs why a session ends, and returns the message for its user.
 fn word(guest: &Guest, reason: &str) -> Vec<u8> {
     log::info!("console session of {} ended: {reason}", guest.who);
-    // The terminal of such a client has a prompt on its line, and is raw.
+    // An echoing client's terminal is raw, with a prompt on the current line.
     let line_end = if guest.hello.mode() == Mode::Echo { "\r\n" } else { "\n" };
     format!("{line_end}session ended: {reason}{line_end}").into_bytes()
 }
 
-/// Ready when nothing has happened for `limit`.
+/// Completes when the session has been idle for `limit`.
 async fn idle(last: &Cell<Option<Instant>>, limit: Duration) {
     while let Some(end) = last.get().map(|last| last + limit)
         && end > Instant::now()
@@ -141,7 +141,7 @@ async fn idle(last: &Cell<Option<Instant>>, limit: Duration) {
     }
 }
 
-/// A guest who notes when something was typed or printed last.
+/// A guest that records the time of its last input or output.
 struct Watched<'g> {
     guest: &'g mut Guest,
     last: &'g Cell<Option<Instant>>,

@@ -1,7 +1,7 @@
-//! The socket of this machine that the console is on: where it is, and who has it.
+//! The console's Unix socket: its path, its owner, and who may connect.
 //!
-//! Whoever listens holds a lock on a file beside the socket, which ends with the process, however that ends. So a socket whose lock is
-//! free belongs to nobody and is replaced, and a second gateway finds it in use.
+//! The listening process locks a file beside the socket; the kernel releases the lock however the process ends. So a socket with a
+//! free lock is stale and is replaced, and a second gateway finds it in use.
 
 use std::fmt;
 use std::fs::{self, DirBuilder, File, OpenOptions, Permissions, TryLockError};
@@ -17,19 +17,19 @@ use super::peer::{GROUP, Peer};
 use crate::cli::SocketPlace;
 use crate::descriptor::Descriptor;
 
-/// The folder of the system's gateway.
+/// Folder of the system's gateway.
 const SYSTEM_FOLDER: &str = "/run/mobgate";
-/// The socket's name in its folder.
+/// Name of the socket.
 const NAME: &str = "console";
 
-/// Accepts whoever connects to the socket.
+/// Accepts connections to the socket.
 #[derive(Debug)]
 pub struct Listener {
     socket: Descriptor<UnixListener>,
     path: PathBuf,
 }
 
-/// The socket's file, which is removed with this, and the lock beside it.
+/// The socket's file, removed on drop, and the lock beside it.
 #[derive(Debug)]
 pub struct Claim {
     path: PathBuf,
@@ -42,12 +42,12 @@ impl Drop for Claim {
     }
 }
 
-/// Why there is no socket at a place.
+/// Why a socket cannot be opened.
 #[derive(Debug)]
 enum Refusal {
-    /// Another gateway has it.
+    /// Another gateway is using it.
     InUse,
-    /// The system, or what is there, does not let it be.
+    /// An error of the system, or a file in the way.
     Failed(io::Error),
 }
 
@@ -68,7 +68,7 @@ impl fmt::Display for Refusal {
     }
 }
 
-/// Opens the socket at the place that is wanted, or else at the first by default that can be. Only a wanted one must succeed.
+/// Opens the requested socket, or else the first possible default one. Fails only for a requested one.
 pub fn open(wanted: Option<&SocketPlace>) -> Result<Option<(Listener, Claim)>, String> {
     match wanted {
         Some(SocketPlace::Off) => return Ok(None),
@@ -94,7 +94,7 @@ pub fn open(wanted: Option<&SocketPlace>) -> Result<Option<(Listener, Claim)>, S
     Ok(None)
 }
 
-/// Connects to the gateway whose socket is at `path`, or to the first one at a place by default: the user's own, then the system's.
+/// Connects to the gateway's socket at `path`, or at the first default path: the user's own, then the system's.
 pub(super) fn connect(path: Option<&Path>) -> Result<UnixStream, String> {
     let fault = |path: &Path, error: io::Error| format!("{}: {error}", path.display());
     if let Some(path) = path {
@@ -113,7 +113,7 @@ pub(super) fn connect(path: Option<&Path>) -> Result<UnixStream, String> {
     Err(format!("no gateway's console is here ({reason}); --socket PATH names one"))
 }
 
-/// The folders that the socket may be in, the system's first.
+/// Default folders of the socket, the system's first.
 fn folders() -> Vec<PathBuf> {
     let user = std::env::var_os("XDG_RUNTIME_DIR").map(PathBuf::from).filter(|folder| folder.is_absolute());
     let temporary = std::env::temp_dir().join(format!("mobgate-{}", geteuid().as_raw()));
@@ -123,9 +123,9 @@ fn folders() -> Vec<PathBuf> {
         .collect()
 }
 
-/// Makes the folder if it is not there.
+/// Creates the folder if it does not exist.
 fn make_own(folder: &Path) -> io::Result<()> {
-    // The group has to get at the system's gateway; to a user's own nobody else does.
+    // The system's gateway must be reachable for the group; a user's own is private.
     let mode = if folder == Path::new(SYSTEM_FOLDER) { 0o755 } else { 0o700 };
     match DirBuilder::new().mode(mode).create(folder) {
         Err(error) if error.kind() != ErrorKind::AlreadyExists => Err(error),
@@ -133,7 +133,7 @@ fn make_own(folder: &Path) -> io::Result<()> {
     }
 }
 
-/// Whether nobody else can have put something into the folder. Only root can make the system's.
+/// Whether nobody else can create files in the folder. Only root can create the system's.
 fn is_safe(folder: &Path) -> io::Result<()> {
     let facts = fs::symlink_metadata(folder)?;
     let is_own = facts.is_dir() && facts.uid() == geteuid().as_raw() && facts.mode() & 0o022 == 0;
@@ -167,7 +167,7 @@ fn listen(path: &Path) -> Result<(Listener, Claim), Refusal> {
     }
     let socket = UnixListener::bind(path)?;
     let claim = Claim { path: path.to_owned(), _lock: lock };
-    // Everybody may connect: who may stay is decided by who they are, and is logged.
+    // Anybody may connect: access is decided by the peer's credentials, and refusals are logged.
     fs::set_permissions(path, Permissions::from_mode(0o666))?;
     log::info!("console: mobgate console --socket {}", path.display());
     Ok((Listener { socket: Descriptor::new(socket)?, path: path.to_owned() }, claim))
@@ -180,7 +180,7 @@ impl fmt::Display for Listener {
 }
 
 impl Listener {
-    /// The next one who may use the console; others are sent away.
+    /// Accepts the next authorised peer; refuses others.
     pub(super) async fn accept(&mut self) -> io::Result<Guest> {
         loop {
             let (mut stream, _) = self.socket.read_with(UnixListener::accept).await?;
@@ -191,7 +191,7 @@ impl Listener {
             log::warn!(
                 "console refused to {peer}: not root, not the gateway's own user, not in the group {GROUP}"
             );
-            // A new connection has room for a line, and who does not read it goes without.
+            // A new connection has room for a line; non-blocking in case it has not.
             let _ = stream.set_nonblocking(true);
             let _ = writeln!(
                 stream,

@@ -1,4 +1,4 @@
-//! The serial lines of a program with the demo: ttys by their file names, and the simulated bus.
+//! The serial lines of a program with the demo: ttys by file name, and the simulated bus.
 
 use std::io;
 
@@ -12,7 +12,7 @@ use mobgate_simulator::serial::SimLine;
 use super::DEVICE;
 use crate::tty::{Tty, TtyHost};
 
-/// Opens ttys, and the demo's bus when there is one.
+/// Opens ttys, and the demo's bus if it runs.
 #[derive(Clone, Default)]
 pub struct Lines {
     pub(super) demo: Option<SimSerial>,
@@ -35,9 +35,9 @@ impl SerialHost for Lines {
 
 /// An open line.
 pub enum Line {
-    /// A real one.
+    /// A tty.
     Tty(Tty),
-    /// The demo's.
+    /// The demo's bus.
     Demo(SimLine),
 }
 

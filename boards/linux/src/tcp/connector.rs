@@ -1,7 +1,6 @@
-//! Connections that the gateway makes to outside servers.
+//! Outgoing connections of the gateway to servers.
 //!
-//! A name is looked up by the system, in a thread of its own since that may take long. All of its addresses are tried, in the
-//! system's order.
+//! The system resolves names in a separate thread, since that may take long. All addresses are tried, in the system's order.
 
 use std::io;
 use std::net::{SocketAddr, TcpStream as SystemStream, ToSocketAddrs};
@@ -17,7 +16,7 @@ use super::{TcpStream, options};
 use crate::descriptor::Descriptor;
 use crate::worker;
 
-/// How long an address may take to answer while the name has another one.
+/// Time limit of an address if there is another one to try.
 const PATIENCE: Duration = Duration::from_millis(500);
 
 const NO_NAME: OpenError = OpenError::new(
@@ -25,7 +24,7 @@ const NO_NAME: OpenError = OpenError::new(
     "the name is not known: is it right, and does the name server answer?",
 );
 
-/// Makes connections.
+/// Opens outgoing connections.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Connector;
 
@@ -62,7 +61,7 @@ async fn connect(address: SocketAddr) -> Result<TcpStream, OpenError> {
     connected.map(|()| TcpStream::new(stream, None)).map_err(|error| refusal(&error))
 }
 
-/// The addresses of the host called `name`.
+/// Resolves the host `name`.
 async fn look_up(name: String, port: u16) -> Result<Vec<SocketAddr>, OpenError> {
     let looked_up = worker::once(move || (name.as_str(), port).to_socket_addrs()).await;
     let addresses =
@@ -70,7 +69,7 @@ async fn look_up(name: String, port: u16) -> Result<Vec<SocketAddr>, OpenError> 
     addresses.map(Iterator::collect).map_err(|_| NO_NAME)
 }
 
-/// A socket that is connecting.
+/// Starts connecting a socket.
 fn begin(server: SocketAddr) -> io::Result<Descriptor<SystemStream>> {
     let socket = Socket::new(Domain::for_address(server), Type::STREAM, Some(Protocol::TCP))?;
     options::set(&socket)?;
@@ -81,7 +80,7 @@ fn begin(server: SocketAddr) -> io::Result<Descriptor<SystemStream>> {
     }
 }
 
-/// Whether the connection has come about; `WouldBlock` as long as that is open (connect(2), EINPROGRESS).
+/// Whether the connection is established; `WouldBlock` while pending (connect(2), EINPROGRESS).
 fn is_connected(stream: &SystemStream) -> io::Result<()> {
     match (stream.take_error()?, stream.peer_addr()) {
         (Some(error), _) => Err(error),
@@ -92,7 +91,7 @@ fn is_connected(stream: &SystemStream) -> io::Result<()> {
     }
 }
 
-/// What a system error means for the user.
+/// Maps a system error to the user's.
 fn refusal(error: &io::Error) -> OpenError {
     let (kind, hint) = match Errno::from_io_error(error) {
         Some(Errno::CONNREFUSED) => {

@@ -1,4 +1,4 @@
-//! A listening socket that several connection tasks wait on.
+//! A listening socket shared by several connection tasks.
 
 use std::io;
 use std::net::{SocketAddr, TcpListener, TcpStream};
@@ -14,19 +14,19 @@ use super::options;
 use crate::bind;
 use crate::descriptor::Descriptor;
 
-/// Connections that the kernel accepts ahead of us.
+/// Connections that the kernel accepts in advance.
 const BACKLOG: i32 = 1024;
-/// Pause when the system has no descriptor or memory for one more connection.
+/// Pause when the system has no descriptor or memory for another connection.
 const EXHAUSTED_PAUSE: Duration = Duration::from_millis(200);
 
-/// A listening socket. Waiting tasks queue up, so that a connection wakes one of them and not all.
+/// A listening socket. Waiting tasks queue up, so that a connection wakes only one of them.
 #[derive(Debug)]
 pub struct Listener {
     socket: Mutex<Descriptor<TcpListener>>,
 }
 
 impl Listener {
-    /// Listens at `listen`.
+    /// Starts listening at `listen`.
     pub(super) fn open(listen: &TcpListen) -> Result<Self, OpenError> {
         let socket = bind::at(listen, listening)?;
         Ok(Self { socket: Mutex::new(socket) })
@@ -40,7 +40,7 @@ impl Listener {
         }
     }
 
-    /// The next connection and its peer, an IPv4 peer as such also on a socket for both.
+    /// The next connection and its peer; IPv4 peers have IPv4 addresses even on a dual-stack socket.
     pub(super) async fn accept(&self) -> (Descriptor<TcpStream>, SocketAddr) {
         let mut socket = self.socket.lock().await;
         loop {
@@ -50,7 +50,7 @@ impl Listener {
                     return (stream, SocketAddr::new(peer.ip().to_canonical(), peer.port()));
                 }
                 Err(error) if is_exhausted(&error) => {
-                    // The connection stays in the backlog, so that accepting again at once would spin.
+                    // The connection stays in the backlog, so accepting again at once would spin.
                     log::warn!("a TCP connection has to wait: {error}");
                     Timer::after(EXHAUSTED_PAUSE).await;
                 }
@@ -61,14 +61,14 @@ impl Listener {
     }
 }
 
-/// Whether the system has no descriptor or memory left.
+/// Whether the system has run out of descriptors or memory.
 pub(super) fn is_exhausted(error: &io::Error) -> bool {
     matches!(Errno::from_io_error(error), Some(Errno::MFILE | Errno::NFILE | Errno::NOBUFS | Errno::NOMEM))
 }
 
 fn listening(at: SocketAddr) -> io::Result<TcpListener> {
     let socket = bind::socket(at, Type::STREAM, Protocol::TCP)?;
-    // Else a restarted program finds its port taken by its own closed connections (TIME_WAIT).
+    // Otherwise a restarted program finds its port taken by its own closed connections (TIME_WAIT).
     socket.set_reuse_address(true)?;
     // Accepted sockets inherit these on Linux.
     options::set(&socket)?;

@@ -1,17 +1,17 @@
-//! What is set on every connection.
+//! Socket options of every connection.
 
 use std::io;
 use std::time::Duration;
 
 use socket2::{Socket, TcpKeepalive};
 
-/// Time after which a peer that acknowledges nothing is gone.
+/// A peer that acknowledges nothing for this long is gone.
 const USER_TIMEOUT: Duration = Duration::from_secs(30);
 const KEEPALIVE_IDLE: Duration = Duration::from_secs(30);
 const KEEPALIVE_INTERVAL: Duration = Duration::from_secs(5);
 const KEEPALIVE_PROBES: u32 = 3;
 
-/// Nagle off, and an end to half-open connections.
+/// Turns Nagle off, and sets time-outs for half-open connections.
 pub(super) fn set(socket: &Socket) -> io::Result<()> {
     socket.set_tcp_nodelay(true)?;
     socket.set_tcp_user_timeout(Some(USER_TIMEOUT))?;

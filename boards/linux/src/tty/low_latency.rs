@@ -1,7 +1,7 @@
-//! Takes the delay out of a serial driver: characters are handed on at once instead of being gathered.
+//! Reduces the latency of a serial driver: characters are passed on at once instead of being collected.
 //!
-//! An FTDI adapter keeps received characters for up to 16 ms by default, eight times the silence that ends a Modbus
-//! frame at 19200 baud. The kernel's flag ASYNC_LOW_LATENCY makes it 1 ms.
+//! An FTDI adapter holds received characters back for up to 16 ms by default, eight times the silence that ends a Modbus frame at
+//! 19200 baud. The kernel's flag ASYNC_LOW_LATENCY reduces that to 1 ms.
 
 use std::fs;
 use std::os::fd::AsFd;
@@ -12,7 +12,7 @@ use rustix::ioctl::{Getter, Setter, ioctl};
 
 /// `ASYNC_LOW_LATENCY` of linux/tty_flags.h.
 const ASYNC_LOW_LATENCY: i32 = 1 << 13;
-/// A latency timer above this spoils frame gaps.
+/// A higher latency timer hides frame gaps.
 const LATENCY_MAX_MS: u32 = 1;
 
 /// `struct serial_struct` of linux/serial.h.
@@ -39,8 +39,8 @@ struct SerialStruct {
     iomap_base: libc::c_ulong,
 }
 
-/// Asks the driver of the open line `tty`, called `device`, for low latency; logs a warning when the device is known
-/// to be slow and stays so. Drivers without the flag refuse it, which is no fault.
+/// Sets low latency on the open line `tty` of `device`; logs a warning if the device is known to stay slow. Drivers without the
+/// flag refuse it, which is no error.
 pub(super) fn request(tty: impl AsFd, device: &Path) {
     let asked = set_flag(&tty);
     let Some(latency_ms) = latency_timer_ms(device) else { return };
@@ -56,13 +56,13 @@ pub(super) fn request(tty: impl AsFd, device: &Path) {
 }
 
 fn set_flag(tty: &impl AsFd) -> io::Result<()> {
-    // SAFETY: TIOCGSERIAL fills in a `struct serial_struct`, which `SerialStruct` lays out and any bytes are valid for.
+    // SAFETY: TIOCGSERIAL fills a `struct serial_struct`; `SerialStruct` has its layout, and any bytes are valid.
     let mut settings = unsafe { ioctl(tty, Getter::<{ libc::TIOCGSERIAL as _ }, SerialStruct>::new()) }?;
     if settings.flags & ASYNC_LOW_LATENCY != 0 {
         return Ok(());
     }
     settings.flags |= ASYNC_LOW_LATENCY;
-    // SAFETY: TIOCSSERIAL reads a `struct serial_struct`; it is the one just got, with a flag more.
+    // SAFETY: TIOCSSERIAL reads a `struct serial_struct`; this is the one just read, with another flag.
     unsafe { ioctl(tty, Setter::<{ libc::TIOCSSERIAL as _ }, SerialStruct>::new(settings)) }
 }
 
@@ -72,7 +72,7 @@ fn latency_timer_ms(device: &Path) -> Option<u32> {
     fs::read_to_string(file).ok()?.trim().parse().ok()
 }
 
-/// `ttyUSB0` for `/dev/ttyUSB0` as well as for a link to it under `/dev/serial/by-id`.
+/// `ttyUSB0` for `/dev/ttyUSB0` or a link to it in `/dev/serial/by-id`.
 fn tty_name(device: &Path) -> Option<String> {
     let target = fs::canonicalize(device).ok()?;
     Some(target.file_name()?.to_string_lossy().into_owned())

@@ -1,4 +1,4 @@
-//! Two named pipes of the host, to a program there and back from it.
+//! Two named pipes on the host, to and from a program there.
 
 use cortex_m_semihosting::{nr, syscall};
 
@@ -11,15 +11,15 @@ pub(super) struct Pipes {
 }
 
 impl Pipes {
-    /// Opens `path.in`, to be read, and `path.out`, to be written. Everything stands still until the other ends are open.
+    /// Opens `path.in` for reading and `path.out` for writing. Stalls the board until the other ends are open.
     pub(super) fn open(path: &str) -> Result<Self, HostError> {
         let input = File::open_as(path, ".in", nr::open::R_BINARY)?;
         Ok(Self { input, output: File::open_as(path, ".out", nr::open::W_TRUNC_BINARY)? })
     }
 
-    /// Writes `question`, and fills `answer` with what comes back. Everything stands still until then.
+    /// Writes `question`, and fills `answer` with the response. Stalls the board until then.
     pub(super) fn ask(&mut self, question: &[u8], answer: &mut [u8]) -> Result<(), HostError> {
-        // SAFETY: pointer and length are those of a slice that outlives the call; so in the next one.
+        // SAFETY: pointer and length belong to a slice that outlives the call; the same holds for the next call.
         let missing = unsafe { syscall!(WRITE, self.output.0, question.as_ptr(), question.len()) };
         if missing > 0 {
             return Err(HostError);

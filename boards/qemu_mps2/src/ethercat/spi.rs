@@ -1,9 +1,8 @@
-//! The SPI and the interrupt pin of an EtherCAT controller, which is simulated by a program of the host: a transaction goes there
-//! and back by two pipes, `PATH.out` and `PATH.in`, when the command line has `spi=PATH`.
+//! The SPI and the interrupt pin of an EtherCAT controller simulated by a program on the host: transactions go through two pipes,
+//! `PATH.out` and `PATH.in`, if the command line has `spi=PATH`.
 //!
-//! What goes out is the number of bytes in two, the least significant first, and the bytes of the transaction; as many come back.
-//! No bytes at all ask for the interrupt pin, which is the one byte that comes back. Everything on the board stands still
-//! meanwhile.
+//! A request is the number of bytes (16 bits, little-endian) and the bytes of the transaction; the response has as many bytes. An
+//! empty request asks for the interrupt pin, and the response is one byte. The whole board stalls meanwhile.
 
 use core::cell::RefCell;
 
@@ -16,36 +15,36 @@ use heapless::Vec;
 use super::pipes::Pipes;
 use crate::semihosting::{CommandLine, HostError};
 
-/// Longest transaction: an image and what is around it.
+/// Longest transaction: a process image and its overhead.
 const TRANSACTION_BYTES_MAX: usize = 1024;
 const HEAD_BYTES: usize = 2;
-/// Between two looks at the pin, which makes no interrupt here.
+/// Poll interval of the pin, which raises no interrupt here.
 const PIN_INTERVAL: Duration = Duration::from_millis(1);
-/// What is read where nobody answers.
+/// Read if there is no controller.
 const FLOATING: u8 = 0xff;
 
-/// A transaction with its head.
+/// A transaction with its length.
 type Transaction = Vec<u8, { HEAD_BYTES + TRANSACTION_BYTES_MAX }>;
 
 /// The wires to the controller.
 pub(super) struct Wires(RefCell<Option<Pipes>>);
 
 impl Wires {
-    /// The wires that the command line names; without, they lead nowhere.
+    /// The wires given on the command line; unconnected if there are none.
     ///
     /// # Panics
-    /// When pipes that are named are not there.
+    /// If the given pipes do not exist.
     pub(super) fn open() -> Self {
         let line = CommandLine::read();
         let path = line.words().find_map(|word| word.strip_prefix("spi="));
         Self(RefCell::new(path.map(|path| Pipes::open(path).expect("pipes: see boards/qemu_mps2/emulate"))))
     }
 
-    /// Puts into `back` what comes back for `bytes`.
+    /// Sends `bytes`, and fills `back` with the response.
     fn exchange(&self, bytes: &mut Transaction, back: &mut Transaction) -> Result<(), HostError> {
         let (head, data) = bytes.split_at_mut(HEAD_BYTES);
         head.copy_from_slice(&(data.len() as u16).to_le_bytes());
-        // It has room for as much.
+        // Both have the same capacity.
         let _ = back.resize(data.len(), FLOATING);
         match &mut *self.0.borrow_mut() {
             Some(pipes) => pipes.ask(bytes, back),
@@ -60,7 +59,7 @@ impl Wires {
         Ok(level != [0])
     }
 
-    /// Waits until the interrupt pin is high, or the host fails, as the next transaction will say.
+    /// Waits until the interrupt pin is high. Also returns if the host fails, which the next transaction will report.
     pub(super) async fn interrupt(&self) {
         while let Ok(false) = self.interrupt_is_high() {
             Timer::after(PIN_INTERVAL).await;
@@ -68,7 +67,7 @@ impl Wires {
     }
 }
 
-/// The SPI, with the controller on its select line.
+/// The SPI, with the controller's chip select.
 pub(super) struct Spi<'w>(pub(super) &'w Wires);
 
 impl Error for HostError {
@@ -84,14 +83,14 @@ impl ErrorType for Spi<'_> {
 impl SpiDevice for Spi<'_> {
     async fn transaction(&mut self, operations: &mut [Operation<'_, u8>]) -> Result<(), HostError> {
         let (mut bytes, mut back) = (Transaction::new(), Transaction::new());
-        // It has room for the head.
+        // It has room for the length.
         let _ = bytes.resize(HEAD_BYTES, 0);
         for operation in &*operations {
             match operation {
                 Operation::Write(from) => bytes.extend_from_slice(from),
                 Operation::TransferInPlace(both) => bytes.extend_from_slice(both),
                 Operation::Read(into) => bytes.resize(bytes.len() + into.len(), 0),
-                // The driver of the controller has no use for these.
+                // The controller's driver does not use these.
                 Operation::Transfer(..) | Operation::DelayNs(_) => return Err(HostError),
             }
             .map_err(|_| HostError)?;
@@ -109,7 +108,7 @@ impl SpiDevice for Spi<'_> {
             };
             back = &back[length..];
         }
-        // Others have their turn: on a chip they had it during the transaction.
+        // Lets other tasks run: on a chip they would have run during the transaction.
         yield_now().await;
         Ok(())
     }

@@ -1,7 +1,7 @@
-//! Capture: the last frames as they were on the wire, in a bounded ring that can be followed while it fills.
+//! Capture: the last frames as transferred on the wire, in a bounded ring that can be followed while it fills.
 //!
-//! A frame is kept with the time of its last bit, its direction, and its outcome, named like the counters. Frames of serial lines
-//! are always kept; those of networks only while somebody follows the ring, since they are more numerous and cost time. A
+//! A frame is stored with the time of its last bit, its direction, and its outcome, named like the counters. Frames of serial lines
+//! are always stored; those of networks only while the ring is being followed, since they are more numerous and cost time. A
 //! follower that polls too rarely misses frames, which are counted.
 
 use core::cell::{Cell, RefCell};
@@ -24,12 +24,12 @@ pub use self::bytes::BYTES_MAX;
 use self::bytes::Bytes;
 pub use self::export::Export;
 
-/// Whether frames are kept; without the feature `capture` nothing here takes memory.
+/// Whether frames are stored; without the feature `capture` nothing here takes memory.
 pub const CAPTURE: bool = cfg!(feature = "capture");
 /// Frames in the ring; half as many with the feature `small`.
 pub const FRAMES_MAX: usize = if cfg!(feature = "small") { 32 } else { 64 };
 
-/// Bytes kept of one frame.
+/// Most bytes stored of one frame.
 const FRAME_BYTES_MAX: usize = if CAPTURE { FRAME_CHARS_MAX } else { 0 };
 
 /// The framing of a frame.
@@ -59,7 +59,7 @@ pub struct Head {
     pub requester: u16,
     /// Whether the gateway sent it.
     pub sent: bool,
-    /// A request, a response, or what is wrong with it.
+    /// A request, a response, or the fault.
     pub verdict: Event,
     length: u16,
 }
@@ -100,12 +100,12 @@ impl Capture {
         }
     }
 
-    /// Sets the start of the gateway's clock, in microseconds since 1970; without it the epoch is the start of the clock.
+    /// Sets the start of the gateway's clock, in microseconds since 1970; without it, times count from the start of the clock.
     pub fn set_epoch(&self, epoch_us: u64) {
         self.epoch_us.lock(|epoch| epoch.set(epoch_us));
     }
 
-    /// Follows the ring from now on; meanwhile frames of networks are kept too.
+    /// Follows the ring from now on; meanwhile frames of networks are stored too.
     pub fn follow(&self) -> Following<'_> {
         self.followers.fetch_add(1, Ordering::Relaxed);
         Following { capture: self, cursor: self.end() }
@@ -132,7 +132,7 @@ pub struct Following<'c> {
     cursor: u32,
 }
 
-/// Ends when no frame is left for now; more may follow.
+/// Ends when there is no frame yet; more may follow.
 impl Iterator for Following<'_> {
     type Item = Captured;
 
@@ -164,7 +164,7 @@ impl Ring {
             self.bytes.drop_oldest(oldest.length.into());
             self.first = self.first.wrapping_add(1);
         }
-        // There is room now.
+        // Room was made above.
         let _ = self.heads.push_back(head);
         parts.iter().for_each(|part| self.bytes.append(part));
     }
@@ -185,7 +185,7 @@ impl Ring {
     }
 }
 
-/// Records the frames of one port, if the board keeps a capture.
+/// Records the frames of one port, if the board has a capture ring.
 #[derive(Clone, Copy)]
 pub(crate) struct Tap<'g> {
     pub(crate) capture: Option<&'g Capture>,
@@ -231,8 +231,8 @@ impl Tap<'_> {
         u16::from(self.port.0) + 1
     }
 
-    /// Records a frame on a network, in a conversation with the requester's port `requester`, if anybody follows. `requester` is
-    /// only called then.
+    /// Records a frame on a network, in a conversation with the requester's port `requester`, if the ring is being followed.
+    /// `requester` is only called in that case.
     pub(crate) fn passed(&self, requester: impl FnOnce() -> u16, sent: bool, verdict: Event, bytes: &[u8]) {
         if self.capture.is_some_and(|capture| capture.followers.load(Ordering::Relaxed) > 0) {
             self.record(Instant::now(), requester(), sent, verdict, bytes);

@@ -1,9 +1,10 @@
-//! The gateway as an EtherCAT SubDevice: what a MainDevice sees of it, and how its process image meets the Modbus devices.
+//! The gateway as an EtherCAT SubDevice: its objects for a MainDevice, and the mapping of its process image to Modbus devices.
 //!
-//! A MainDevice writes which devices there are (2000h and following), and sets 2005h:01. The configuration is then checked as a
-//! whole, the layout of both buffers is computed (2011h and following), and 2005h:02 says that it is in use, until the
-//! MainDevice resets it or, in PreOp, writes another one. While it is, the port that the settings call `ethercat` asks the devices through the router, by the
-//! rules for its name. The devices are settings too: they can be typed, saved, and are in use after the next start.
+//! A MainDevice writes the configuration of the devices (2000h and following), and sets 2005h:01. The configuration is then checked
+//! as a whole, the layout of both buffers is computed (2011h and following), and 2005h:02 indicates that it is in use, until the
+//! MainDevice resets it or, in PreOp, writes another one. While it is in use, the port with the keyword `ethercat` polls the
+//! devices through the router, by the rules for its name. The devices are also settings: they can be typed and saved, and are in
+//! use after the next start.
 
 mod application;
 mod chip;
@@ -36,7 +37,7 @@ pub use chip::Controller;
 pub use config_error::ConfigError;
 #[doc(hidden)] // Public for tests/ only.
 pub use configuration::Configuration;
-#[cfg(feature = "long-images")] // What they need is a feature.
+#[cfg(feature = "long-images")] // Requires the memory of that feature.
 pub use controller::{LongSubDevice, long_device, serve_long};
 pub use controller::{device, serve};
 #[doc(hidden)] // Public for tests/ only.

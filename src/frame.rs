@@ -1,4 +1,4 @@
-//! The frame pool: every request and its response share one slot, from the port that received the request and back to it.
+//! The frame pool: every request and its response share one slot, on the way from the port that received the request and back.
 //!
 //! A server-side port takes a frame, fills it with a PDU and an [`Envelope`], and sends it to the router, which passes it on to
 //! the destination's queue and so to the client-side port; the response overwrites the request, and the frame returns. A
@@ -6,8 +6,8 @@
 //! passed on while its [`FrameWriter`] is still filling it: readers wait for more with [`Frame::more_than`], and a writer dropped
 //! before it has finished marks the frame broken.
 //!
-//! The first slots are reserved, one per owner number; the rest are shared. So an owner can always have one frame, however many
-//! the others hold.
+//! The first slots are reserved, one per owner number; the rest are shared. So an owner can always have one frame, regardless of
+//! how many others are in use.
 
 use core::cell::RefCell;
 use core::future::poll_fn;
@@ -60,7 +60,7 @@ impl<'p> FramePool<'p> {
         Self { slots, reserved, shared: Mutex::new(RefCell::new(Shared { first: 0, fresh: reserved })) }
     }
 
-    /// Like [`take`](FramePool::take), with `pdu` and `envelope` filled in; none also if the PDU is longer than
+    /// Like [`take`](FramePool::take), with `pdu` and `envelope` filled in; also `None` if the PDU is longer than
     /// [`PDU_BYTES_MAX`].
     pub fn fill(&'p self, owner: usize, pdu: &[u8], envelope: Envelope) -> Option<Frame<'p>> {
         if pdu.len() > PDU_BYTES_MAX {
@@ -84,13 +84,13 @@ impl<'p> FramePool<'p> {
         Some(Frame { pool: self, index: index as u16 })
     }
 
-    /// How many frames are free.
+    /// Number of free frames.
     pub fn free(&self) -> usize {
         let free = |slot: &&Slot| slot.0.lock(|slot| slot.borrow().handles == 0);
         self.slots.iter().filter(free).count()
     }
 
-    /// Frames in the pool.
+    /// Number of frames in the pool.
     pub fn capacity(&self) -> usize {
         self.slots.len()
     }
@@ -149,7 +149,7 @@ impl<'p> Frame<'p> {
         there.unwrap_or_else(|| of(&Envelope::EMPTY))
     }
 
-    /// Who waits for the response.
+    /// The requester, which waits for the response.
     pub fn origin(&self) -> Origin {
         self.read(|envelope| envelope.origin)
     }
@@ -183,24 +183,24 @@ impl<'p> Frame<'p> {
         self.with(|slot| slot.envelope.as_mut().map(change));
     }
 
-    /// Notes the cause of the exception that the request will get.
+    /// Records the cause of the exception that the request will get.
     pub fn blame(&self, cause: Cause) {
         self.amend(|envelope| envelope.cause = cause);
     }
 
-    /// What the client-side port has noted of the transaction.
+    /// The client-side port's state of the transaction.
     pub(crate) fn transaction(&self) -> Transaction {
         let mut transaction = Transaction::NONE;
         self.with(|slot| transaction = slot.transaction);
         transaction
     }
 
-    /// Changes what is noted of the transaction.
+    /// Changes the state of the transaction.
     pub(crate) fn amend_transaction(&self, change: impl FnOnce(&mut Transaction)) {
         self.with(|slot| change(&mut slot.transaction));
     }
 
-    /// A second handle to the frame, with `transaction` noted in it.
+    /// A second handle to the frame, with `transaction` stored in it.
     pub(crate) fn share_for(&self, transaction: Transaction) -> Self {
         self.with(|slot| {
             slot.transaction = transaction;
@@ -222,12 +222,12 @@ impl<'p> Frame<'p> {
         content
     }
 
-    /// The function code; 0 while there is none.
+    /// The function code; 0 before it has arrived.
     pub fn function(&self) -> u8 {
         self.pdu(|pdu| pdu.first().copied().unwrap_or(0))
     }
 
-    /// How many bytes have arrived, and the fill state. The CRC of an incomplete frame counts.
+    /// Number of bytes that have arrived, and the fill state. The CRC of an incomplete frame counts.
     pub fn filled(&self) -> (usize, Fill) {
         self.with(|slot| (slot.arrived(), slot.fill)).unwrap_or((0, Fill::Broken))
     }
@@ -249,7 +249,7 @@ impl<'p> Frame<'p> {
         (there == crc.len() && unit == target).then(|| u16::from_le_bytes(crc))
     }
 
-    /// Marks the frame broken if it is still being filled, since this destination needs it whole; returns whether it was.
+    /// Marks the frame broken if it is still being filled, for a destination that needs a complete frame; returns whether it was.
     pub fn abandon(&self) -> bool {
         let abandoned = self.with(|slot| {
             let filling = slot.fill == Fill::Filling;
@@ -262,7 +262,7 @@ impl<'p> Frame<'p> {
         abandoned == Some(true)
     }
 
-    /// Waits until more than `length` bytes have arrived or no more will. One waiter at a time.
+    /// Waits until more than `length` bytes have arrived, or filling has ended. One waiter at a time.
     pub fn more_than(&self, length: usize) -> impl Future<Output = (usize, Fill)> {
         poll_fn(move |cx| {
             let (filled, fill) = self.filled();
@@ -306,7 +306,7 @@ impl<'p> Frame<'p> {
         Self { pool: self.pool, index: self.index }
     }
 
-    /// Drops this handle and returns how many are left; none if it is the last of a frame with merged ones, which go first.
+    /// Drops this handle and returns how many are left; `None` if it is the last of a frame with merged ones, which go first.
     fn release_handle(&self) -> Option<u8> {
         self.with(|slot| {
             let has_merged = slot.handles == 1 && slot.merged != 0;

@@ -75,7 +75,7 @@ pub struct Gateway<'g> {
     log: Log,
     /// Turns shared by connections whose requests are refused.
     pub(crate) turns: Turns,
-    /// Requests from a console, past the rules.
+    /// A console's direct requests, which bypass the rules.
     pub(crate) direct_request: DirectRequestState,
     /// Event counter and log of the own unit.
     events: Shared<Events>,
@@ -180,7 +180,7 @@ impl<'g> Gateway<'g> {
         self.ports
     }
 
-    /// The state of port `id`, if the board has it.
+    /// The state of port `id`, if it exists on the board.
     pub fn port_state(&self, id: PortId) -> Option<PortAt<'g>> {
         Some(PortAt { state: self.ports.get(id.index())?, units: self.units, id })
     }
@@ -190,13 +190,13 @@ impl<'g> Gateway<'g> {
         (0..self.ports.len()).filter_map(|index| self.port_state(PortId(index as u8)))
     }
 
-    /// The status of server number `server` in the settings, as it was before `new` is stored, if given.
+    /// The status of server number `server` in the settings; replaced by `new` if given, and the previous one returned.
     pub(crate) fn server_status(&self, server: usize, new: Option<Status>) -> Option<Status> {
         let status = self.servers.get(server)?;
         Some(status.lock(|status| new.map_or_else(|| status.get(), |new| status.replace(new))))
     }
 
-    /// A port's connection has ended: wakes the port that waits for its socket.
+    /// Handles the end of a port's connection: wakes the port that waits for its socket.
     pub(crate) fn socket_closed(&self, socket: &Socket) {
         let waits = |(id, link): (PortId, u8)| self.ports.get(id.index())?.sockets.get(usize::from(link));
         if let Some(socket) = socket.closed().and_then(waits) {
@@ -268,7 +268,7 @@ impl<'g> Gateway<'g> {
                 port_state.is_none_or(|port_state| port_state.generation() != origin.generation)
             }
             ReplyTo::Console => !self.direct_request.waits_for(origin.generation),
-            // Nobody waits, so nobody can be gone.
+            // Nobody waits for a response, so nobody can be gone.
             ReplyTo::Nobody => false,
         }
     }

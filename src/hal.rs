@@ -1,6 +1,6 @@
-//! What a board provides: serial lines, TCP and UDP sockets, storage for settings, and facts about itself.
+//! The board's interface: serial lines, TCP and UDP sockets, storage for settings, and information about the board.
 //!
-//! A board implements these traits over its hardware; the core's port tasks own the implementors and open what the settings name.
+//! A board implements these traits for its hardware; the core's port tasks own the implementors and open what the settings name.
 //! Everything is polled from one executor, so no trait requires `Send`.
 
 use core::fmt;
@@ -31,9 +31,9 @@ pub enum OpenErrorKind {
     NotFound,
     /// The system forbids it.
     Denied,
-    /// Somebody else has it open.
+    /// Another program has it open.
     InUse,
-    /// The hardware cannot do these settings.
+    /// The hardware does not support these settings.
     Unsupported,
     /// The peer refused the connection.
     Refused,
@@ -70,7 +70,7 @@ impl fmt::Display for OpenError {
 
 /// Opens serial lines by the device name in a port's settings (`uart1`, `/dev/ttyUSB0`).
 ///
-/// A line's `read` waits for at least one byte and returns what is available; `Ok(0)` or an error means that the line is gone (an
+/// A line's `read` waits for at least one byte and returns what is available; `Ok(0)` or an error means that the line is lost (an
 /// adapter was unplugged), and it is reopened with back-off. Dropping a pending `read` loses no byte. `write` accepts bytes for
 /// transmission and may return before they have left; the core computes when they have. Dropping the line closes it.
 pub trait SerialHost {
@@ -88,8 +88,8 @@ pub trait SerialHost {
         Duration::from_ticks(0)
     }
 
-    /// Whether characters written one at a time leave without gaps however busy the board is: its transmitters are fed by
-    /// interrupt or DMA, and its tasks wake in time. Then cut-through is on by default.
+    /// Whether characters written one at a time leave without gaps under any load: the board's transmitters are fed by interrupt or
+    /// DMA, and its tasks wake in time. Cut-through is then on by default.
     fn never_underruns(&self) -> bool {
         false
     }
@@ -100,23 +100,23 @@ pub trait SerialLine: Read + Write {
     /// Whether [`rest`](SerialLine::rest) is useful on this board.
     const RESTS: bool = false;
 
-    /// Switches the transceiver's driver on before a frame, and off when the last bit should have left; an implementation that
-    /// knows that time more precisely waits for it. Called only where the settings leave the driver to the gateway
-    /// ([`Driver::Rts`](crate::settings::Driver::Rts)); `open` rejects those settings if the board cannot do it.
+    /// Enables the transceiver's driver before a frame, and disables it when the last bit should have left; an implementation that
+    /// knows that time more precisely waits for it. Called only if the settings leave the driver to the gateway
+    /// ([`Driver::Rts`](crate::settings::Driver::Rts)); `open` rejects those settings if the board does not support it.
     async fn drive(&mut self, _on: bool) -> Result<(), Self::Error> {
         Ok(())
     }
 
-    /// Lets characters accumulate until `until`, none of which is needed earlier, instead of waking a sleeping program for each
-    /// of them. Returns whether that time has passed; it has not where reading each character is preferable, or the time is too
-    /// short. Dropping the pending future loses no character.
+    /// Lets characters accumulate until `until`, none of which is needed earlier, instead of waking a sleeping program for each of
+    /// them. Returns whether that time has passed; false if reading each character is preferable, or the time is too short.
+    /// Dropping the pending future loses no character.
     async fn rest(&mut self, _until: Instant) -> bool {
         false
     }
 
-    /// Sends on this line what the open line `from` of this board receives, transformed by `relay`, without waking a task for
-    /// each character. It starts with what `from` has received and `read` has not returned yet. Returns whether the board does
-    /// it; in that case
+    /// Sends on this line what the open line `from` of this board receives, transformed by `relay`, without waking a task for each
+    /// character. It starts with what `from` has received and `read` has not returned yet. Returns whether the board does it; in
+    /// that case
     ///
     /// - it continues until the relay is over, or until `from` has been silent for longer than its t1.5 plus [the read
     ///   jitter](SerialHost::read_jitter),
@@ -126,24 +126,24 @@ pub trait SerialLine: Read + Write {
         false
     }
 
-    /// Ends what [`relay`](Self::relay) began, if it is not over, and returns what was left of it.
+    /// Ends the [`relay`](Self::relay), if it is not over, and returns what was left of it.
     fn end_relay(&mut self) -> Option<Relay> {
         None
     }
 
-    /// Whether another line is sending what this one receives, or has sent what `read` has not returned yet: the line is not
-    /// silent then.
+    /// Whether another line is sending what this one receives, or has sent what `read` has not returned yet: the line is not silent
+    /// then.
     fn is_relayed(&self) -> bool {
         false
     }
 
-    /// How long the line had been silent when `read` returned the relayed characters; zero if it had not.
+    /// How long the line had been silent when `read` returned the relayed characters; zero if it had not been.
     fn silence(&self) -> Duration {
         Duration::from_ticks(0)
     }
 
-    /// Returns and clears the receive errors of the characters that `read` has returned or dropped. A line without error
-    /// detection has none.
+    /// Returns and clears the receive errors of the characters that `read` has returned or dropped; none on a line without error
+    /// detection.
     fn take_flaws(&mut self) -> Flaws {
         Flaws::default()
     }
@@ -169,7 +169,7 @@ pub trait TcpHost {
     where
         Self: 'a;
 
-    /// Opens the listening socket at `listen`, where a board has such sockets, so that errors appear before the first client
+    /// Opens the listening socket at `listen`, if the board has such sockets, so that errors appear before the first client
     /// connects.
     fn listen(&mut self, listen: &TcpListen) -> Result<(), OpenError>;
 
@@ -186,13 +186,13 @@ pub trait TcpConnect {
         Self: 'a;
 
     /// Connects to `server`, resolving its name if it has one; [`OpenErrorKind::Exhausted`] when all sockets of the board are in
-    /// use. The caller limits the time: dropping the pending future gives up.
+    /// use. The caller limits the time by dropping the pending future.
     async fn connect(&self, server: &ServerAddress) -> Result<Self::Stream<'_>, OpenError>;
 }
 
 /// A TCP connection. `read` returns `Ok(0)` after the peer's FIN; dropping a pending `read` loses no byte.
 pub trait TcpStream: Read + Write {
-    /// Closes the connection in an orderly way, within a bounded time.
+    /// Closes the connection gracefully, within a bounded time.
     async fn close(self);
 }
 
@@ -212,7 +212,7 @@ pub trait UdpSocket {
     /// Waits for a datagram, and returns its length and sender. A longer one than `into` is truncated.
     async fn receive(&mut self, into: &mut [u8]) -> Result<(usize, SocketAddr), SocketLost>;
 
-    /// Sends a datagram. An absent receiver is no error.
+    /// Sends a datagram. An absent receiver is not an error.
     async fn send(&mut self, datagram: &[u8], to: SocketAddr) -> Result<(), SocketLost>;
 }
 
@@ -220,7 +220,7 @@ pub trait UdpSocket {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SocketLost;
 
-/// Storage for the text of the settings. Replaced as a whole: a power cut leaves either the old or the new text.
+/// Storage for the text of the settings. Replaced as a whole: after a power cut it has either the old or the new text.
 pub trait Store {
     /// Reads up to `into.len()` bytes of the saved text from `offset`; 0 at its end or when nothing is saved.
     async fn read(&mut self, offset: usize, into: &mut [u8]) -> Result<usize, StoreError>;
@@ -231,10 +231,10 @@ pub trait Store {
     /// Replaces the saved text by the new version, atomically.
     async fn commit(&mut self) -> Result<(), StoreError>;
 
-    /// The gateway has applied the text read last: later changes by somebody else must not be overwritten.
+    /// Confirms that the gateway has applied the text read last: later changes by others must not be overwritten.
     fn taken_over(&mut self) {}
 
-    /// Whether the next version replaces the stored text even if somebody else has changed it.
+    /// Sets whether the next version replaces the stored text even if others have changed it.
     fn overwrite(&mut self, _whatever: bool) {}
 }
 
@@ -247,7 +247,7 @@ pub enum StoreError {
     /// The text does not fit.
     #[error("the settings do not fit: {0} bytes at most")]
     Full(usize),
-    /// Somebody else has changed the stored text.
+    /// The stored text was changed by others.
     #[error("the file was edited since it was read: `load` applies it, `save force` overwrites it")]
     Edited,
     /// The stored text is corrupt.
@@ -272,17 +272,17 @@ pub struct NetworkState {
     pub hardware: [u8; 6],
 }
 
-/// The board itself: its name, its serial lines, and how to restart it.
+/// The board itself: its name, its network, and how to restart it.
 pub trait System {
     /// The board's name, for `show version`.
     fn name(&self) -> &str;
 
-    /// The state of the board's own network; `None` where an operating system manages it.
+    /// The state of the board's own network; `None` if an operating system manages it.
     fn network(&self) -> Option<NetworkState> {
         None
     }
 
-    /// Writes line `n` (from 0, without line end) of the board's own report: why it started, and how its last run ended. `None`
+    /// Writes line `n` (from 0, without line end) of the board's own report: the reset cause, and how its last run ended. `None`
     /// after the last line.
     fn write_event(&self, _n: usize, _out: &mut dyn fmt::Write) -> Option<fmt::Result> {
         None

@@ -7,16 +7,16 @@
 //!    pool ([`frame`]), writes the PDU and an envelope into it (requester, unit, deadline), and sends it to the router's inbox.
 //! 2. The routing task (`tasks/router.rs`) looks up the first matching rule ([`routing`]), translates the unit id, and sends the
 //!    frame to the channel of the destination port.
-//! 3. The client-side port queues it ([`port::client::queue`]: which request is next; [`gateway::unit_health`]: which units are
-//!    alive), sends it as soon as the line has been silent for long enough, and checks the response strictly. Identical reads
+//! 3. The client-side port queues it ([`port::client::queue`]: which request is next; [`gateway::unit_health`]: which units
+//!    respond), sends it as soon as the line has been silent for long enough, and checks the response strictly. Identical reads
 //!    waiting at that time share one transaction; each requester gets a copy of the response.
-//! 4. The response, or an exception that says what went wrong, replaces the request in the frame, which returns the same way: to
+//! 4. The response, or an exception that reports the failure, replaces the request in the frame, which returns the same way: to
 //!    the inbox, through the router, to the requester.
 //!
-//! Between two serial lines the frame is cut through: it goes this way while its characters are still arriving
-//! ([`port::cut_through::timing`] computes when it may), and the other line sends what has arrived, in its own framing. From RTU
-//! to RTU the received CRC is kept ([`modbus::delta`]); an ASCII line gets its LRC once the CRC has been checked, and vice versa,
-//! so that a corrupt frame stays corrupt. A frame that turns out not to fit is broken off. A board may relay the characters in an
+//! Between two serial lines the frame is cut through: it takes this path while its characters are still arriving
+//! ([`port::cut_through::timing`] computes when it may), and the other line sends what has arrived, in its own framing. From RTU to
+//! RTU the received CRC is kept ([`modbus::delta`]); an ASCII line gets its LRC once the CRC has been checked, and vice versa, so
+//! that a corrupt frame stays corrupt. A frame that turns out not to fit is broken off. A board may relay the characters in an
 //! interrupt ([`hal::Relay`]), so that the tasks only wake at the end of the frame.
 //!
 //! The gateway also polls devices itself: the scanner ([`scanner`]) turns data points into requests, which its port sends through
@@ -26,41 +26,40 @@
 //! requests by counting. Ports know framing and timing, but no routes; the router knows routes, but no lines; decisions take the
 //! time as a value.
 //!
-//! # What a board does
+//! # The board's part
 //!
-//! [`hal`] lists what a board provides. The board keeps frame slots, port states and connections in statics, builds a
-//! [`gateway::Gateway`] over them, and runs its futures as tasks: one that routes, one for each port, one for each TCP
-//! connection, one for each console ([`console`]). The settings ([`settings`], [`language`]) are lines of text, the same at the
-//! console, in a file and in `show config`.
+//! [`hal`] defines the board's interface. The board keeps frame slots, port states and connections in statics, builds a
+//! [`gateway::Gateway`] over them, and runs its futures as tasks: one that routes, one for each port, one for each TCP connection,
+//! one for each console ([`console`]). The settings ([`settings`], [`language`]) are lines of text, the same at the console, in a
+//! file and in `show config`.
 //!
 //! # EtherCAT
 //!
-//! [`ethercat_subdevice`] is a SubDevice that knows nothing of the rest; [`fieldbus`] defines the gateway's: its objects, its
-//! buffers, and the layout of Modbus values in them. The buffers are the memory of a separate [`scanner`], whose requests go
-//! through the router by the rules for the `ethercat` port, like the MainDevice's own requests. The devices are settings: what a
-//! MainDevice has configured is printed and saved with the others, also on its request ([`gateway::Gateway::keep_settings`]). A
-//! board with a controller keeps an [`fieldbus::EthercatState`] in a static, passes it to [`gateway::Gateway::with_ethercat`],
-//! and runs [`fieldbus::serve`], a [`SubDevice`](ethercat_subdevice::sub_device::SubDevice) with [`fieldbus::GatewayObjects`],
-//! over it. With [`gateway::Gateway::with_ethercat_interfaces`] the settings name the network interface of a controller in
-//! software.
+//! [`ethercat_subdevice`] is a SubDevice stack independent of the rest; [`fieldbus`] defines the gateway's SubDevice: its objects,
+//! its buffers, and the layout of Modbus values in them. The buffers are the memory of a separate [`scanner`], whose requests go
+//! through the router by the rules for the `ethercat` port, like the MainDevice's own requests. The devices are settings: a
+//! MainDevice's configuration is printed and saved with the others, also on its request ([`gateway::Gateway::keep_settings`]). A
+//! board with a controller keeps a [`fieldbus::EthercatState`] in a static, passes it to [`gateway::Gateway::with_ethercat`], and
+//! runs [`fieldbus::serve`], a [`SubDevice`](ethercat_subdevice::sub_device::SubDevice) with [`fieldbus::GatewayObjects`], over it.
+//! With [`gateway::Gateway::with_ethercat_interfaces`] the settings name the network interface of an emulated controller.
 //!
 //! # Limits
 //!
 //! With the feature `small` some are lower, for boards with little memory. Without the feature `points` there are no data points,
 //! and no memory for them. Without `ipv6` settings accept IPv4 addresses only, as on boards with their own Ethernet. Without
-//! `servers` a TCP client has one server, given by its address. Without `capture` no frames are kept. Without `paths` names of
+//! `servers` a TCP client has one server, given by its address. Without `capture` no frames are stored. Without `paths` names of
 //! serial devices are short, as on boards.
 //!
 //! | limit | value | why |
 //! | --- | --- | --- |
-//! | [`settings::PORTS_MAX`] | 16, small: 8 | a cabinet's worth of lines and listeners |
-//! | [`settings::DEVICE_BYTES_MAX`] | 255, without `paths`: 15 | a file's name: adapters under `/dev/serial/by-id` have more than 100 |
+//! | [`settings::PORTS_MAX`] | 16, small: 8 | the lines and listeners of a cabinet |
+//! | [`settings::DEVICE_BYTES_MAX`] | 255, without `paths`: 15 | a file name: those under `/dev/serial/by-id` exceed 100 bytes |
 //! | [`settings::LINE_BYTES_MAX`] | 800, without `paths`: 640 | the longest line that settings print |
 //! | [`settings::ROUTES_MAX`] | 64 | rules are tried in order, for each request |
 //! | [`port::client::queue::WAITING_MAX`] | 64, small: 24 | requests waiting at a port; one more gets 06h |
 //! | [`port::client::cache::RESPONSES_MAX`] | 16, small: 8 | responses that a port caches where a rule says `cache`, in [`port::client::cache::RESPONSE_BYTES_MAX`] bytes |
 //! | [`gateway::unit_health::UNITS_MAX`] | 64, small: 16 | servers of a port, or loads of an RS-485 segment; the least active healthy unit is forgotten first |
-//! | [`gateway::unit_health::ALL_UNITS_MAX`] | 256, small: 64 | units of all ports together: few ports use their maximum |
+//! | [`gateway::unit_health::ALL_UNITS_MAX`] | 256, small: 48 | units of all ports together: few ports use their maximum |
 //! | [`stats::LOG_ENTRIES_MAX`] | 64 | transactions in `show log` |
 //! | [`port::client::pending::PENDING_MAX`] | 16 | requests in flight on one connection to a server, the specification's maximum |
 //! | [`settings::PORT_SERVERS_MAX`], [`settings::SERVERS_MAX`] | 64 and 128, small: 8 and 16 | servers of one TCP client, and of all: what one scanner can poll in time |

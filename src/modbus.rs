@@ -2,8 +2,8 @@
 //!
 //! A request received by TCP is split off the stream by [`tcp::parse`], validated by [`pdu::check_request`], and encoded for a
 //! serial line by [`rtu::encode`] or [`ascii::encode`]. On a line, [`rtu::response`] after every read and
-//! [`rtu::response_at_silence`] when the line falls silent (or [`ascii::Decoder`] and [`pdu::fits`]) find the response among
-//! noise and other frames; [`tcp::encode`] wraps it.
+//! [`rtu::response_at_silence`] once the line is silent (or [`ascii::Decoder`] and [`pdu::fits`]) find the response among noise and
+//! other frames; [`tcp::encode`] wraps it.
 //!
 //! The *PDU* (function code and data) is common to all framings; the gateway passes it through unchanged, including unknown
 //! function codes.

@@ -1,4 +1,4 @@
-//! Routing rules and their matching: which port a request goes to, and with which unit id.
+//! Routing rules and their matching: the port that a request goes to, and its unit id there.
 //!
 //! A rule has the five columns of the MobGate paper (Source, Slave ID, IP, TAG, Destination), followed by a policy: the functions
 //! and addresses allowed, and a priority. Rules are tried in table order; the first match decides.
@@ -57,8 +57,8 @@ pub enum Decision {
     NoRule,
 }
 
-/// Whether any rule routes requests from `source` for `unit`, whatever the outcome; on a serial line, whether the unit belongs to
-/// the gateway.
+/// Whether any rule routes requests from `source` for `unit`, regardless of the decision; on a serial line, whether the unit
+/// belongs to the gateway.
 pub fn is_routed(settings: &Settings, source: PortId, unit: u8) -> bool {
     match meaning(settings, source, unit) {
         Special::Rules => rule(settings, source, unit, None).is_some(),
@@ -68,12 +68,12 @@ pub fn is_routed(settings: &Settings, source: PortId, unit: u8) -> bool {
     }
 }
 
-/// The meaning of `unit` at `source`, where it is a special one.
+/// The meaning of `unit` at `source`, if it is special.
 pub(crate) fn meaning(settings: &Settings, source: PortId, unit: u8) -> Special {
     settings.port(source).map_or(Special::Rules, |port| port.units.of(unit))
 }
 
-/// The first rule that matches. Return paths are skipped, or they would hide the rules after them.
+/// The first rule that matches. Return paths are skipped, as they would hide the rules after them.
 fn rule(settings: &Settings, source: PortId, unit: u8, peer: Option<IpAddr>) -> Option<&Route> {
     let mut matching = settings.routes.iter().filter(|route| route.matches(source, unit, peer));
     matching.find(|route| !is_implied(settings, route))
@@ -111,7 +111,7 @@ pub fn decide(
         Destination::Discard => Decision::Discard,
         Destination::NoPath => Decision::Refuse(Exception::GATEWAY_NO_PATH),
         Destination::Port(port) => match route.tag.apply(unit) {
-            // As a broadcast it would have no response and no effect.
+            // A broadcast gets no response, so this request would be pointless.
             Some(0) if is_line(settings, port) && !pdu::is_broadcastable(request) => {
                 Decision::Refuse(Exception::ILLEGAL_FUNCTION)
             }
@@ -119,7 +119,7 @@ pub fn decide(
                 let Policy { sharing, addresses, .. } = route.policy;
                 Decision::Forward { port, unit, priority, sharing, addresses }
             }
-            // There is no such port.
+            // No such client-side port.
             _ => Decision::Refuse(Exception::GATEWAY_NO_PATH),
         },
     }
@@ -146,7 +146,7 @@ pub fn leads_to(
     ranks.all(|rank| rank.is_some()).then_some(first)
 }
 
-/// The rules above rule `n` that match all units it names, for the same peers.
+/// The rules above rule `n` that match all its units, for the same peers.
 pub(crate) fn takers(settings: &Settings, n: usize, for_the_same: impl Fn(&Route) -> bool) -> Option<Rules> {
     let rule = settings.routes.get(n)?;
     let above = settings.routes.get(..n)?;
@@ -173,7 +173,7 @@ pub(crate) fn takers(settings: &Settings, n: usize, for_the_same: impl Fn(&Route
 
 /// Whether the rules of `port` are ever consulted for `unit`.
 fn is_asked(settings: &Settings, port: PortId, unit: u8) -> bool {
-    // A unit that replaces a special one is not special itself.
+    // A replacement unit is not special itself.
     meaning(settings, port, unit) == Special::Rules
 }
 

@@ -8,8 +8,8 @@
 //!
 //! The same scanner serves tables of data points, whose variables are read and written in one place, and process images, with
 //! separate inputs and outputs: there outputs are written when they differ from what was read back ([`Writing::OnChange`]). A row
-//! without a device is visible to outside clients ([`Scanner::serve`]). Immediate reads and writes are requested at the console,
-//! or by programs behind the gateway with commands of their own ([`Scanner::start`]).
+//! without a device is visible to outside clients ([`Scanner::serve`]). Immediate reads and writes are requested at the console, or
+//! by programs with commands of their own ([`Scanner::start`]).
 
 mod bits;
 mod byte_order;
@@ -190,12 +190,12 @@ impl Scanner {
         Ok(())
     }
 
-    /// How many devices there are.
+    /// Number of devices.
     pub fn devices(&self) -> usize {
         self.stations.len()
     }
 
-    /// How many rows there are.
+    /// Number of rows.
     pub fn rows(&self) -> usize {
         self.entries.len()
     }
@@ -234,7 +234,7 @@ impl Scanner {
         rows.chain(held).chain(abandoned).min().unwrap_or(Instant::MAX)
     }
 
-    /// The outcome of the pending request to `device`: the response's PDU, or why there is none.
+    /// Handles the outcome of the pending request to `device`: the response's PDU, or why there is none.
     pub fn answered(&mut self, device: DeviceId, now: Instant, response: Result<&[u8], ErrorCode>) {
         let Some(station) = self.stations.get_mut(usize::from(device.0)) else { return };
         let Some(open) = station.open.take() else { return };
@@ -253,7 +253,7 @@ impl Scanner {
                     && function & EXCEPTION_BIT != 0
                     && Exception(*exception) == Exception::ILLEGAL_FUNCTION =>
             {
-                // Only a sign of life: the request is done another way from now on.
+                // Only a sign of life: from now on the bit is changed by read and write.
                 station.answered(now, 0);
                 station.refuses_masks = true;
                 self.go_on(device, Open::Fetch);
@@ -285,8 +285,8 @@ impl Scanner {
         }
     }
 
-    /// The pending request to `device` was not sent: the gateway itself refused it with `exception`, because of a rule or a full
-    /// queue. That says nothing about the device.
+    /// Handles that the pending request to `device` was not sent: the gateway itself refused it with `exception`, because of a rule
+    /// or a full queue. That says nothing about the device.
     pub fn refused(&mut self, device: DeviceId, now: Instant, exception: Exception) {
         let Some(station) = self.stations.get_mut(usize::from(device.0)) else { return };
         let Some(open) = station.open.take() else { return };
@@ -313,7 +313,7 @@ impl Scanner {
         }
     }
 
-    /// The responses to pending requests will not arrive: they are repeated.
+    /// Repeats pending requests, as their responses will not arrive.
     pub fn forget_open(&mut self) {
         for at in 0..self.stations.len() {
             let device = DeviceId(at as u8);
@@ -330,7 +330,7 @@ impl Scanner {
         self.stations.get(usize::from(device.0))
     }
 
-    /// Until when the row's device is left alone, counted from the scanner's start.
+    /// How long the row's device backs off, counted from the scanner's start.
     fn held(&self, entry: &Entry) -> Duration {
         let station = entry.row.device.and_then(|device| self.station(device));
         station

@@ -1,4 +1,4 @@
-//! The settings as plain values: ports, rules, points, slaves, the network; their limits and defaults.
+//! The settings as plain values: ports, rules, points, slaves, the network; with limits and defaults.
 
 mod address;
 mod ethercat;

@@ -78,7 +78,7 @@ pub enum Event {
     Discarded,
     /// Reading paused because the port's share of frames was in use.
     BackPressure,
-    /// A response that no pending request waits for: a late one, or one with an unknown transaction id.
+    /// A response without a pending request: a late one, or one with an unknown transaction id.
     Stray,
     /// A connection was accepted or made.
     Connected,
@@ -96,9 +96,9 @@ pub enum Event {
     Malformed,
     /// The line, or the connection to a server, was lost and is reopened.
     LineLost,
-    /// Somebody else was sending at the same time: the echo differed from the frame sent.
+    /// Another device was sending at the same time: the echo differed from the frame sent.
     Collision,
-    /// A client got 06h.
+    /// A client was answered 06h.
     Busy,
     /// A frame for or from another unit on a shared bus.
     Foreign,
@@ -218,7 +218,7 @@ impl Event {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
 pub enum LastError {
-    /// Nothing.
+    /// No error.
     None = 0,
     /// The line could not be opened.
     Port = 3,

@@ -8,7 +8,7 @@ pub const BYTES_MAX: usize = if cfg!(feature = "small") { 1_024 } else { 2_048 }
 /// A queue of bytes.
 pub(super) struct Bytes {
     bytes: [u8; BYTES_MAX],
-    /// Position of the oldest byte, and how many there are.
+    /// Position of the oldest byte, and number of bytes.
     start: usize,
     length: usize,
 }
@@ -19,12 +19,12 @@ impl Bytes {
         Self { bytes: [0; BYTES_MAX], start: 0, length: 0 }
     }
 
-    /// Size of the buffer.
+    /// Number of free bytes.
     pub(super) const fn room(&self) -> usize {
         BYTES_MAX - self.length
     }
 
-    /// Drops the oldest `count`.
+    /// Drops the oldest `count` bytes.
     pub(super) fn drop_oldest(&mut self, count: usize) {
         let count = count.min(self.length);
         self.start = (self.start + count) % BYTES_MAX;
@@ -43,7 +43,7 @@ impl Bytes {
         self.length += bytes.len();
     }
 
-    /// `count` bytes, after the oldest `before`.
+    /// Copies `count` bytes, starting after the oldest `before`.
     pub(super) fn get<const N: usize>(&self, before: usize, count: usize) -> Vec<u8, N> {
         self.bytes.iter().cycle().skip((self.start + before) % BYTES_MAX).take(count).copied().collect()
     }

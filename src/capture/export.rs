@@ -6,8 +6,8 @@ use super::{Capture, Captured, Following, pcapng};
 use crate::gateway::Gateway;
 use crate::settings::PortId;
 
-/// A receiver of the frames from now on. It never blocks others: frames overwritten before it has read them are lost, and their
-/// number is reported to it.
+/// Exports the frames from now on. It never blocks others: frames overwritten before it has read them are lost, and their number is
+/// written to the file.
 pub struct Export<'c> {
     capture: &'c Capture,
     following: Following<'c>,
@@ -15,7 +15,7 @@ pub struct Export<'c> {
 }
 
 impl<'c> Export<'c> {
-    /// Writes the beginning of the file: the section, and each port as an interface. `None` on a board without capture.
+    /// Writes the start of the file: the section, and each port as an interface. `None` on a board without capture.
     pub async fn begin<W: Write>(gateway: &Gateway<'c>, out: &mut W) -> Result<Option<Self>, W::Error> {
         let Some(capture) = gateway.capture() else { return Ok(None) };
         let export = Self { capture, following: capture.follow(), dropped: 0 };

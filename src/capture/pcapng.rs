@@ -1,7 +1,7 @@
 //! PCAPNG files that Wireshark decodes without configuration: exported PDUs (link type 252) that name their dissector.
 //!
-//! RTU frames go to the dissector `mbrtu`, those of Modbus TCP to `mbtcp` and `mbudp`; ASCII frames and bytes that are no frame
-//! are shown as bytes. Clauses are those of draft-ietf-opsawg-pcapng; numbers are little-endian, as the section's magic declares.
+//! RTU frames go to the dissector `mbrtu`, those of Modbus TCP to `mbtcp` and `mbudp`; ASCII frames and invalid frames are shown as
+//! bytes. Clauses are those of draft-ietf-opsawg-pcapng; numbers are little-endian, as the section's magic declares.
 
 use heapless::Vec;
 
@@ -37,7 +37,7 @@ const OUTBOUND: u32 = 2;
 const CRC_ERROR: u32 = 1 << 24;
 const TOO_SHORT: u32 = 1 << 26;
 
-/// The section header block, which begins the file.
+/// The section header block, which starts the file.
 pub fn header() -> Block {
     block(SECTION_HEADER, |block| {
         put(block, &0x1a2b_3c4d_u32.to_le_bytes());
@@ -125,7 +125,7 @@ fn tags(frame: &Captured) -> Vec<u8, 48> {
         tag(TAG_DISSECTOR, dissector);
         let [source, destination] = match verdict {
             Event::Request | Event::Echo => [requester.into(), MODBUS_PORT],
-            // Of other devices on a shared bus: the dissector guesses.
+            // Frames of other devices on a shared bus: the dissector guesses.
             Event::Foreign => [0, 0],
             _ => [MODBUS_PORT, requester.into()],
         };

@@ -1,4 +1,4 @@
-//! The values behind the gateway's objects.
+//! The values of the gateway's objects.
 
 use core::fmt::Write;
 
@@ -27,22 +27,22 @@ use super::slaves::ModbusSlave;
 use super::slots::Slots;
 use crate::scanner::ScannerState;
 
-/// What a cycle of process data takes beside the bus to the controller: for the interrupt and what comes with it, and for each module.
-/// Allowances, not measured on a board: 4200 and 672 cycles of the slowest one, which runs at 168 MHz.
+/// Overhead of a process data cycle besides the bus to the controller: for interrupt handling, and per module. Estimates, not
+/// measured on a board: 4200 and 672 cycles of the slowest one, which runs at 168 MHz.
 const FIXED_NS: u32 = 25_000;
 const MODULE_NS: u32 = 4_000;
 
 /// Reads and writes of configuration, layout and buffers.
 pub struct GatewayObjects<'p> {
     shared: &'p EthercatState,
-    /// Why what was asked for last was refused.
+    /// Why the last request was refused.
     refused: Option<ConfigError>,
-    /// Whether the outputs come from a MainDevice that is in Op now.
+    /// Whether the outputs come from a MainDevice currently in Op.
     outputs_valid: bool,
-    /// Advances when inputs are renewed, so that a MainDevice can tell stale ones.
+    /// Incremented when inputs are updated, so that a MainDevice can detect stale ones.
     input_counter: u8,
     points: PointObjects<'p>,
-    /// Of a modular gateway.
+    /// Only in a modular gateway.
     slots: Option<Slots<'p>>,
 }
 
@@ -54,14 +54,14 @@ impl<'p> GatewayObjects<'p> {
         Self { shared, refused: None, outputs_valid: false, input_counter: 0, points, slots: None }
     }
 
-    /// Those of a [modular](super::MODULAR) gateway.
+    /// The objects of a [modular](super::MODULAR) gateway.
     pub fn modular(shared: &'p EthercatState) -> Self {
         let mut objects = Self::new(shared);
         objects.become_modular(true);
         objects
     }
 
-    /// Makes them those of the device that the settings want; whether it is the modular one.
+    /// Switches to the device selected by the settings; returns whether it is the modular one.
     pub(super) fn follow_settings(&mut self) -> bool {
         let modular = self.shared.wants_modules();
         self.become_modular(modular);
@@ -73,23 +73,23 @@ impl<'p> GatewayObjects<'p> {
         self.shared.set_modular(modular);
     }
 
-    /// Those of a gateway that has data points, too.
+    /// Adds the objects of data points, if the gateway has any.
     #[must_use]
     pub fn with_points(self, scanner: Option<&'p ScannerState>) -> Self {
         Self { points: PointObjects::new(scanner), ..self }
     }
 
-    /// What they share with the port.
+    /// The state shared with the port.
     pub fn shared(&self) -> &'p EthercatState {
         self.shared
     }
 
-    /// Whether the outputs come from a MainDevice that is in Op now.
+    /// Whether the outputs come from a MainDevice currently in Op.
     pub fn outputs_valid(&self) -> bool {
         self.outputs_valid
     }
 
-    /// The number at `at`, of all but buffers and texts.
+    /// The number at `at`, except for buffers and texts.
     fn number(&self, at: Address) -> Option<u32> {
         let shared = self.shared;
         if at.index == 0x200a {
@@ -100,9 +100,9 @@ impl<'p> GatewayObjects<'p> {
         }
         let sub = usize::from(at.sub.checked_sub(1)?);
         Some(match at.index {
-            // Both are done on command.
+            // Saved and restored on command only.
             0x1010 | 0x1011 => 1,
-            // The request to take the configuration over is served at once, so it never reads as set.
+            // The request to apply the configuration is served at once, so it never reads as set.
             0x2005 => u32::from(sub == 1 && shared.is_running()),
             0x2030 => self.input_counter.into(),
             0x2031 => shared.health(sub).into(),
@@ -118,7 +118,7 @@ impl<'p> GatewayObjects<'p> {
         })
     }
 
-    /// Whether the configuration can be used; notes why not.
+    /// Checks the configuration; records the reason if it is refused.
     fn check_configuration(&mut self) -> Result<(), Abort> {
         let checked = self.shared.check().map(|_| ());
         if let Err(why) = checked {
@@ -127,7 +127,7 @@ impl<'p> GatewayObjects<'p> {
         self.note(checked)
     }
 
-    /// Whether `keep` can be done by whoever writes `signature`.
+    /// Checks whether `keep` is possible, and `signature` is right.
     fn check_keeping(&mut self, keep: Keep, signature: u64) -> Result<(), Abort> {
         if signature != keep.signature().into() {
             return Err(Abort::NotStored);
@@ -141,7 +141,7 @@ impl<'p> GatewayObjects<'p> {
         self.note(checked)
     }
 
-    /// Takes the modules over as they were written, on the way to SafeOp.
+    /// Applies the modules as written, on the way to SafeOp.
     fn take_modules_over(&mut self) -> Result<(), AlStatusCode> {
         self.refused = self.slots.as_mut().and_then(|slots| slots.take_over().err());
         let Some(error) = self.refused else { return Ok(()) };
@@ -149,7 +149,7 @@ impl<'p> GatewayObjects<'p> {
         Err(error.al_status())
     }
 
-    /// Notes why something is refused.
+    /// Records why something is refused.
     fn note(&mut self, checked: Result<(), ConfigError>) -> Result<(), Abort> {
         self.refused = checked.err();
         match self.refused {
@@ -161,18 +161,18 @@ impl<'p> GatewayObjects<'p> {
         }
     }
 
-    /// Why something was refused, in words (2006h).
+    /// The reason of the last refusal, as text (2006h).
     fn reason(&self) -> String<{ REASON_BYTES as usize }> {
         let mut text = String::new();
         if let Some(error) = self.refused.or(self.shared.missing()) {
-            // Every reason fits; see the test.
+            // Every reason fits, as a test checks.
             let _ = write!(text, "{error}");
         }
         text
     }
 }
 
-/// Copies the entry `sub` of an object into `into`, whose bytes are those of `buffer` from `first` on.
+/// Copies the entry `sub` of an object into `into`; the object's first byte is byte `first` of `buffer`.
 fn copy_entry(buffer: &[u8], first: u16, sub: u8, into: &mut [u8]) -> Result<(), Abort> {
     let start = usize::from(first) + usize::from(sub).saturating_sub(1) * into.len();
     into.copy_from_slice(buffer.get(start..start + into.len()).ok_or(Abort::General)?);
@@ -259,12 +259,12 @@ impl Application for GatewayObjects<'_> {
                 requests.check(&requests.parts(number as usize).ok_or(Abort::Range)?)
             }
             (0x2034, _) => self.shared.requests().check_part(),
-            // What comes of them is told when they are written.
+            // The outcome is reported when they are written.
             (0x2040 | 0x2042, _) => Ok(()),
-            // 1 would be mark parity, which no line here can do.
+            // 1 means mark parity, which no line supports.
             (0x2020, 3) if number == 1 => Err(Abort::Range),
             (0x2005, _) => Ok(()),
-            // All others are the configuration, which changes in PreOp only.
+            // All others are configuration, which changes in PreOp only.
             _ if self.shared.is_exchanging() && (self.shared.is_running() || self.slots.is_some()) => {
                 Err(Abort::State)
             }
@@ -273,14 +273,14 @@ impl Application for GatewayObjects<'_> {
     }
 
     fn write(&mut self, at: Address, value: &[u8]) {
-        // No other write is served while the outcome of a save is waited for: that MainDevice has started anew.
+        // No other write is served while a save is pending: this MainDevice has restarted.
         self.shared.keeping.forget();
         let number = number(value) as u32;
         match (at.index, at.sub) {
             (0x1010, _) => self.shared.keeping.begin(Keep::Save),
             (0x1011, _) => self.shared.keeping.begin(Keep::Restore),
             (0x10f3, sub) => self.shared.history(|history| history.write(sub, number as u16)),
-            // It was checked.
+            // Already checked.
             (0x2005, 1) if number == 1 => self.refused = self.shared.take_over().err(),
             (0x2005, 2) => self.shared.stop(),
             (0x2005, _) => {}
@@ -293,7 +293,7 @@ impl Application for GatewayObjects<'_> {
                 self.shared.requests().put_part(4 * usize::from(part.saturating_sub(1)), value);
             }
             (index @ (0x2040 | 0x2042), sub) => self.points.write(index, sub, number as u16),
-            // The table has no other writable entry that is not known here.
+            // The table has no other writable entries.
             _ if self.slots.as_mut().is_some_and(|slots| slots.write(at, number)) => {}
             _ => self.shared.configure(at, number),
         }
@@ -368,7 +368,7 @@ impl Application for GatewayObjects<'_> {
         self.shared.outputs_stopped();
     }
 
-    /// An image that was configured before the PDOs were assigned may be longer than they are.
+    /// An image configured before the PDOs were assigned may exceed them.
     fn may_enter(&mut self, state: AlState) -> Result<(), AlStatusCode> {
         if state == AlState::SafeOp && self.slots.is_some() {
             return self.take_modules_over();
@@ -388,7 +388,7 @@ impl Application for GatewayObjects<'_> {
 
     fn memory_full(&mut self, channel: Channel, bytes: u16, room: u16) {
         let values = if channel == Channel::Outputs { "output" } else { "input" };
-        // The code by which the state is refused says so as well.
+        // The AL status code reports the refusal as well.
         let _ = self.note(Err(ConfigError::MemoryFull { values, bytes, room }));
     }
 

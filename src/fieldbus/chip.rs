@@ -1,25 +1,25 @@
-//! Whether the board's controller answers.
+//! Presence of the board's controller.
 
 use core::fmt;
 
 use ethercat_subdevice::esc::EscError;
 
-/// Whether the board's controller answers.
-// `Present` is the 0: a place is all zeros at start. It is also what holds where nobody looks.
+/// Presence of the board's controller.
+// `Present` is 0, so that a static is all zeros at start. It also applies where nothing checks the controller.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[repr(u8)]
 pub enum Controller {
-    /// It does.
+    /// It responds.
     #[default]
     Present,
-    /// It has not yet.
+    /// It has not responded yet.
     Missing(EscError),
-    /// It has, and does not any more.
+    /// It has stopped responding.
     Lost(EscError),
 }
 
 impl Controller {
-    /// What is wrong with it.
+    /// What is wrong with the controller.
     pub fn fault(self) -> Option<EscError> {
         match self {
             Self::Present => None,

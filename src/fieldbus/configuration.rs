@@ -1,4 +1,4 @@
-//! What a MainDevice has configured (2000h to 2020h, 2100h and following), and whether it can be used, as a whole.
+//! The configuration written by a MainDevice (2000h to 2020h, 2100h and following), and its validation as a whole.
 
 use ethercat_subdevice::application::Address;
 use heapless::Vec;
@@ -11,10 +11,10 @@ use super::slaves::{ModbusSlave, SLAVES_FIRST, SLAVES_MAX, default_unit};
 use crate::scanner::{ByteOrder, ValueType};
 use crate::settings::{OnSilence, SlaveSettings};
 
-/// What registers are, by number (8nn0h:0E and 0F).
+/// Register types, by number (8nn0h:0E and 0F).
 pub(super) const TYPES: [ValueType; 5] =
     [ValueType::U16, ValueType::I16, ValueType::U32, ValueType::I32, ValueType::F32];
-/// The order of their bytes, by number (8nn0h:10).
+/// Byte orders, by number (8nn0h:10).
 pub(super) const ORDERS: [ByteOrder; 4] =
     [ByteOrder::Order0123, ByteOrder::Order2301, ByteOrder::Order1032, ByteOrder::Order3210];
 
@@ -26,7 +26,7 @@ const fn on_silence(number: u32) -> OnSilence {
     }
 }
 
-/// The entry of a slave's configuration behind `place` others.
+/// Entry number `place`, from 0, of a slave's configuration.
 pub(super) fn setting(slave: &SlaveSettings, place: usize) -> Option<u32> {
     Some(match place {
         0 => slave.unit.into(),
@@ -43,23 +43,23 @@ pub(super) fn setting(slave: &SlaveSettings, place: usize) -> Option<u32> {
     })
 }
 
-/// The configuration as it was written last; whether it can be used is another question.
+/// The configuration as last written, whether usable or not.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Configuration {
-    /// How many of `slaves` there are (2000h).
+    /// Number of `slaves` in use (2000h).
     count: u8,
-    /// All of them, or none as long as nobody has asked: then the whole is all zeros.
+    /// All slaves, or empty until first accessed, so that the initial value is all zeros.
     slaves: Vec<SlaveSettings, SLAVES_MAX, u8>,
     uart: [u32; 4],
 }
 
 impl Configuration {
-    /// Before anybody has asked.
+    /// Before the first access.
     pub(super) const EMPTY: Self = Self { count: 0, slaves: Vec::new(), uart: [0; 4] };
     /// 2020h after power-on.
     const UART: [u32; 4] = [115_200, 0, 0, 0];
 
-    /// The same, with everything in its place.
+    /// The configuration, filled with defaults at the first access.
     pub(super) fn filled(&mut self) -> &mut Self {
         if self.slaves.is_empty() {
             *self = Self { count: SLAVES_FIRST, slaves: Vec::new(), uart: Self::UART };
@@ -68,41 +68,41 @@ impl Configuration {
         self
     }
 
-    /// Puts the slave of after power-on into every place that has none.
+    /// Fills all missing slaves with defaults.
     fn fill_up(&mut self) {
         for nth in self.slaves.len()..SLAVES_MAX {
-            // There is room for all.
+            // Within the capacity.
             let _ = self.slaves.push(SlaveSettings::new(default_unit(nth as u16)));
         }
     }
 
-    /// Takes `slaves` from the settings, or those of after power-on if there are none.
+    /// Takes `slaves` from the settings, or the defaults if there are none.
     pub(super) fn replace(&mut self, slaves: &[SlaveSettings]) {
         self.filled();
         self.slaves.clear();
-        // There is room for all.
+        // Within the capacity.
         let _ = self.slaves.extend_from_slice(slaves);
         self.fill_up();
         self.count = if slaves.is_empty() { SLAVES_FIRST } else { slaves.len() as u8 };
     }
 
-    /// Takes what is set for the line.
+    /// Takes over the line's settings.
     pub(super) fn set_speed(&mut self, speed: Speed) {
         self.filled().uart = speed.entries();
     }
 
-    /// The slaves that there are.
+    /// The slaves in use.
     pub fn slaves(&self) -> &[SlaveSettings] {
         self.slaves.get(..self.count.into()).unwrap_or_default()
     }
 
-    /// Whether it can be used where there is `room` for images, and how the line is to be set for it.
+    /// Checks whether it fits the `room` for images; returns the required line settings.
     pub fn plan(&self, room: Room) -> Result<Speed, ConfigError> {
         layouts(self.slaves(), room).try_for_each(|layout| layout.map(|_| ()))?;
         Speed::from_entries(self.uart)
     }
 
-    /// The number at `at`, if it is one of these.
+    /// The number at `at`, if part of the configuration.
     pub(super) fn number(&self, at: Address) -> Option<u32> {
         let sub = usize::from(at.sub.checked_sub(1)?);
         Some(match at.index {
@@ -119,7 +119,7 @@ impl Configuration {
         })
     }
 
-    /// Writes the number at `at`, if it is one of these; the table has checked its range.
+    /// Writes the number at `at`, if part of the configuration; the table has checked its range.
     pub(super) fn set(&mut self, at: Address, value: u32) -> Option<()> {
         let sub = usize::from(at.sub.checked_sub(1)?);
         match at.index {

@@ -1,4 +1,4 @@
-//! The controller chip of the gateway's SubDevice: looked for until one answers, served until it is gone, and looked for again.
+//! The controller chip of the gateway's SubDevice: probes until one responds, serves it until it is lost, and probes again.
 
 use embassy_time::{Duration, Timer};
 use ethercat_subdevice::application::Application as _;
@@ -12,28 +12,28 @@ use super::modular::MODULAR;
 use super::objects::DEVICE;
 
 use super::shared::EthercatState;
-#[cfg(feature = "long-images")] // As what serves them.
+#[cfg(feature = "long-images")] // Only for images that serve them.
 use super::{modular::LONG_MODULAR, objects::LONG_DEVICE};
 use crate::scanner::ScannerState;
 
-/// Between two looks for a controller that does not answer. A look is a few bytes on the bus.
+/// Interval of probes for a controller that has never responded. A probe takes a few bytes on the bus.
 const LOOK_INTERVAL: Duration = Duration::from_secs(1);
-/// The same for one that did answer: a MainDevice waits for it.
+/// The same for one that was lost: a MainDevice is waiting for it.
 const LOST_LOOK_INTERVAL: Duration = Duration::from_millis(100);
 
 static FIXED: Device = DEVICE;
 static WITH_MODULES: Device = MODULAR;
-#[cfg(feature = "long-images")] // As what serves it.
+#[cfg(feature = "long-images")] // Only for images that serve it.
 static LONG: Device = LONG_DEVICE;
-#[cfg(feature = "long-images")] // As what serves it.
+#[cfg(feature = "long-images")] // Only for images that serve it.
 static LONG_WITH_MODULES: Device = LONG_MODULAR;
 
-/// What the gateway is as a SubDevice: with process data of a fixed form, or with modules.
+/// The description of the gateway as a SubDevice: with fixed process data, or with modules.
 pub fn device(modules: bool) -> &'static Device {
     if modules { &WITH_MODULES } else { &FIXED }
 }
 
-/// The same with a place for long images.
+/// The same with long images.
 #[cfg(feature = "long-images")] // As above.
 pub fn long_device(modules: bool) -> &'static Device {
     if modules { &LONG_WITH_MODULES } else { &LONG }
@@ -48,8 +48,8 @@ pub type LongSubDevice<E, A> = SubDevice<
     { LONG_DEVICE.memory.inputs_bytes_max as usize },
 >;
 
-/// The gateway's EtherCAT task: serves the controller behind `esc`, for ever, whenever there is one; `points` are those of the
-/// gateway, if it has any. `attention` as for [`SubDevice::run`].
+/// The gateway's EtherCAT task: serves the controller behind `esc` forever, whenever it is present. `points` are the gateway's data
+/// points, if any; `attention` as for [`SubDevice::run`].
 pub async fn serve(
     shared: &EthercatState,
     points: Option<&ScannerState>,
@@ -60,8 +60,8 @@ pub async fn serve(
     run(shared, &mut SubDevice::new(device(false), esc, objects), device, attention).await
 }
 
-/// The same for a controller that has memory for longer images, and a `shared` for them ([`EthercatState::long`]).
-#[cfg(feature = "long-images")] // As that place.
+/// The same for a controller with memory for longer images, and a `shared` for them ([`EthercatState::long`]).
+#[cfg(feature = "long-images")] // As `EthercatState::long`.
 pub async fn serve_long(
     shared: &EthercatState,
     points: Option<&ScannerState>,
@@ -73,8 +73,8 @@ pub async fn serve_long(
         .await
 }
 
-/// Serves as one of the devices that `device` gives with and without modules, as the settings want it. By reference: a future has
-/// room for what it is given and for what it makes of that.
+/// Serves as the device that `device` returns for modules or none, as selected by the settings. By reference: a future stores both
+/// its arguments and what it moves them to.
 async fn run<const OUTPUTS: usize, const INPUTS: usize>(
     shared: &EthercatState,
     sub_device: &mut SubDevice<impl Esc, GatewayObjects<'_>, OUTPUTS, INPUTS>,
@@ -106,7 +106,7 @@ async fn run<const OUTPUTS: usize, const INPUTS: usize>(
                 sub_device.run_until_fault(&mut attention).await;
                 RESTART_PAUSE
             }
-            // What leads to it comes back by somebody's hand.
+            // A bus that is not usable needs manual intervention.
             Controller::Missing(_) | Controller::Lost(EscError::Unreachable(_)) => LOOK_INTERVAL,
             Controller::Lost(_) => LOST_LOOK_INTERVAL,
         };

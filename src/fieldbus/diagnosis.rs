@@ -1,4 +1,4 @@
-//! What the gateway tells by its diagnosis history (10F3h), and by emergencies where they are wanted.
+//! The gateway's diagnosis history (10F3h), and emergencies where enabled.
 
 use ethercat_subdevice::diagnosis::{History, Text};
 
@@ -17,7 +17,7 @@ impl EthercatState {
         self.history(|history| history.report(text, parameters));
     }
 
-    /// The slave `id` was asked: how it was before, and how it is now.
+    /// Reports the outcome of a request to the slave `id`, by its status before and now.
     pub fn asked(&self, id: DeviceId, before: Option<DeviceStatus>, now: Option<DeviceStatus>) {
         let (Some(before), Some(now)) = (before, now) else { return };
         match (before.alive, now.alive) {
@@ -25,7 +25,7 @@ impl EthercatState {
             (Some(false), Some(true)) => self.report(&BACK, &[id.0]),
             _ => {}
         }
-        // The same one again and again is told once.
+        // A repeated exception is reported once.
         if now.exceptions != before.exceptions && now.exception != before.exception {
             self.report(&EXCEPTION, &[id.0, now.exception]);
         }

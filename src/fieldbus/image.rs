@@ -1,4 +1,4 @@
-//! The buffers of inputs and outputs, as the scanner has them.
+//! The input and output buffers, in the scanner's memory.
 
 use core::cell::Cell;
 
@@ -8,24 +8,24 @@ use super::shared::EthercatState;
 use crate::settings::OnLoss;
 
 impl EthercatState {
-    /// Bytes of the buffers.
+    /// Sizes of the buffers.
     pub fn most(&self) -> Room {
-        // On boards it is a constant.
+        // A constant on boards.
         if cfg!(feature = "long-images") && self.long { Room::LONG } else { Room::MOST }
     }
 
-    /// Calls `f` with what was read last.
+    /// Calls `f` with the last inputs read.
     pub fn inputs<R>(&self, f: impl FnOnce(&[u8]) -> R) -> R {
         self.scanner.with(|scanner| f(scanner.image(INPUTS, self.most().inputs)))
     }
 
-    /// Calls `f` with what is to be written.
+    /// Calls `f` with the outputs to write.
     pub fn outputs<R>(&self, f: impl FnOnce(&[u8]) -> R) -> R {
         let Room { inputs, outputs } = self.most();
         self.scanner.with(|scanner| f(scanner.image(inputs, outputs)))
     }
 
-    /// Takes outputs of a MainDevice in Op, which `put` writes.
+    /// Takes outputs from a MainDevice in Op, written by `put`.
     pub(super) fn put_outputs(&self, put: impl FnOnce(&mut [u8])) {
         self.scanner.with(|scanner| {
             let Room { inputs, outputs } = self.most();
@@ -34,7 +34,7 @@ impl EthercatState {
         });
     }
 
-    /// No outputs come any more.
+    /// Applies the loss reaction, as no more outputs arrive.
     pub(super) fn outputs_stopped(&self) {
         let on_loss = self.state.lock(Cell::get).on_loss;
         self.scanner.with(|scanner| match on_loss {

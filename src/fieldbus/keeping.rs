@@ -1,6 +1,6 @@
-//! Keeping the configuration over power-off (1010h, 1011h): what the MainDevice asks for, whoever has the store does.
+//! Saves the configuration on a MainDevice's request (1010h, 1011h); the owner of the store does the work.
 //!
-//! A store is slow: the SDO is answered when it is done, and process data go on meanwhile.
+//! A store is slow: the SDO is answered on completion, and process data continue meanwhile.
 
 use core::cell::Cell;
 
@@ -9,21 +9,21 @@ use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
 use embassy_time::{Duration, Instant};
 
-/// How long a store may take.
+/// Timeout of a store.
 const PATIENCE: Duration = Duration::from_secs(30);
 
-/// What is to be done.
+/// The request.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Keep {
-    /// The settings are to be saved, with the configuration.
+    /// Save the settings with the configuration.
     Save = 0,
-    /// The settings are to be saved, without any slaves.
+    /// Save the settings without slaves.
     Restore = 1,
 }
 
 impl Keep {
-    /// What a MainDevice writes for it, as letters and as a number (CiA 301, 7.5.2.13 and 14).
+    /// The signature that a MainDevice writes: letters, as a number (CiA 301, 7.5.2.13 and 14).
     pub(super) const fn signature(self) -> u32 {
         u32::from_le_bytes(*match self {
             Self::Save => b"save",
@@ -32,7 +32,7 @@ impl Keep {
     }
 }
 
-/// Where the wish and the outcome change hands.
+/// Passes the request to the owner of the store, and the outcome back.
 pub(super) struct Keeping {
     state: Mutex<CriticalSectionRawMutex, Cell<State>>,
     wanted: Signal<CriticalSectionRawMutex, ()>,
@@ -40,27 +40,27 @@ pub(super) struct Keeping {
 
 #[derive(Clone, Copy)]
 struct State {
-    /// Whether anybody has a store.
+    /// Whether there is a store.
     has_store: bool,
     keep: Keep,
     kept: Kept,
     since: Instant,
 }
 
-/// How a wish is doing.
-// `Nothing` is the 0: a place is all zeros at start.
+/// Progress of a request.
+// `Nothing` is 0, so that a static is all zeros at start.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
 pub(super) enum Kept {
-    /// There is none, or nobody waits for it any more.
+    /// No request, or its outcome is no longer needed.
     Nothing,
-    /// Whoever has the store has not seen it.
+    /// Not taken up by the owner of the store yet.
     Wanted,
-    /// It is being done.
+    /// In progress.
     Going,
-    /// It was done.
+    /// Succeeded.
     Done,
-    /// It could not be done.
+    /// Failed.
     Failed,
 }
 
@@ -70,12 +70,12 @@ impl Keeping {
         Self { state: Mutex::new(Cell::new(state)), wanted: Signal::new() }
     }
 
-    /// Whether anybody has a store.
+    /// Whether there is a store.
     pub(super) fn has_store(&self) -> bool {
         self.state.lock(Cell::get).has_store
     }
 
-    /// Begins with `keep`.
+    /// Requests `keep`.
     pub(super) fn begin(&self, keep: Keep) {
         let State { has_store, .. } = self.state.lock(Cell::get);
         let state = State { has_store, keep, kept: Kept::Wanted, since: Instant::now() };
@@ -83,13 +83,13 @@ impl Keeping {
         self.wanted.signal(());
     }
 
-    /// Nobody waits for an outcome any more: the MainDevice has started anew, or it was told.
+    /// Drops the outcome: the MainDevice has restarted, or has received it.
     pub(super) fn forget(&self) {
         let state = self.state.lock(Cell::get);
         self.state.lock(|cell| cell.set(State { kept: Kept::Nothing, ..state }));
     }
 
-    /// How it is doing; an outcome is told once.
+    /// The progress; an outcome is returned once.
     pub(super) fn outcome(&self) -> Kept {
         let state = self.state.lock(Cell::get);
         let kept = match state.kept {
@@ -102,7 +102,7 @@ impl Keeping {
         kept
     }
 
-    /// Waits for a wish, as somebody who has a store.
+    /// Waits for a request. To be called by the owner of a store.
     pub(super) async fn wanted(&self) -> Keep {
         let state = self.state.lock(Cell::get);
         self.state.lock(|cell| cell.set(State { has_store: true, ..state }));
@@ -114,10 +114,10 @@ impl Keeping {
         state.keep
     }
 
-    /// What came of it.
+    /// Reports the outcome.
     pub(super) fn done(&self, well: bool) {
         let state = self.state.lock(Cell::get);
-        // Nobody may wait any more, or for another one, which has not begun.
+        // The request may have been dropped, or replaced by one that has not started.
         if state.kept == Kept::Going {
             let kept = if well { Kept::Done } else { Kept::Failed };
             self.state.lock(|cell| cell.set(State { kept, ..state }));

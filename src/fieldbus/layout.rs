@@ -1,19 +1,19 @@
-//! Where the values of the Modbus devices lie in the buffers: device after device, kind after kind, without gaps.
+//! Layout of the Modbus devices' values in the buffers: by device, then by table, without gaps.
 
 use super::config_error::ConfigError;
 use super::room::Room;
 use crate::scanner::Kind;
 use crate::settings::{Cells, SlaveSettings};
 
-/// Addresses of a kind: 0 to 65535.
+/// Addresses of a table: 0 to 65535.
 const ADDRESSES: u32 = 65_536;
 
-/// Where one device's values lie: the entries of 2011h to 2014h, in their order.
+/// Layout of one device's values: the entries of 2011h to 2014h, in order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct DeviceLayout(pub [u16; 10]);
 
 impl DeviceLayout {
-    /// Where what is read of `kind` begins in the input buffer.
+    /// Start of the values read from `kind` in the input buffer.
     pub const fn input(&self, kind: Kind) -> u16 {
         let [_, coils, switches, in_registers, out_registers, ..] = self.0;
         match kind {
@@ -24,7 +24,7 @@ impl DeviceLayout {
         }
     }
 
-    /// Where what is written of `kind` begins in the output buffer; none for what cannot be written.
+    /// Start of the values written to `kind` in the output buffer; `None` for read-only tables.
     pub const fn output(&self, kind: Kind) -> Option<u16> {
         let [.., coils, out_registers, _] = self.0;
         match kind {
@@ -35,17 +35,17 @@ impl DeviceLayout {
     }
 }
 
-/// Where the values of the next device begin.
+/// Start of the next device's values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(super) struct Start {
-    /// Devices in front of it.
+    /// Number of devices before it.
     pub(super) nth: u8,
     input: u32,
     output: u32,
 }
 
 impl Start {
-    /// The layout of `slave`, which is the next device, where there is `room` for images.
+    /// The layout of `slave`, the next device, within the `room` for images.
     pub(super) fn lay_out(&mut self, slave: &SlaveSettings, room: Room) -> Result<DeviceLayout, ConfigError> {
         let nth = self.nth;
         for (kind, Cells { count, address }) in slave.tables() {
@@ -69,7 +69,7 @@ impl Start {
     }
 }
 
-/// The layouts of `slaves`, one after the other, where there is `room` for images.
+/// The layouts of `slaves` in order, within the `room` for images.
 pub(super) fn layouts(
     slaves: &[SlaveSettings],
     room: Room,
@@ -78,7 +78,7 @@ pub(super) fn layouts(
     slaves.iter().map(move |slave| next.lay_out(slave, room))
 }
 
-/// Writes start, the place of each kind, and the last byte used; gives the byte behind it, unless there is no `room` for that.
+/// Writes the start, the start of each table, and the last byte used; returns the end, unless it exceeds the `room`.
 fn place<'e>(
     entries: &mut impl Iterator<Item = &'e mut u16>,
     start: u32,

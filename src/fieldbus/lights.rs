@@ -1,4 +1,4 @@
-//! The gateway's RUN and ERR lights: at the console, and on the lamps of a board.
+//! The gateway's RUN and ERR indicators: at the console, and on a board's LEDs.
 
 use core::cell::Cell;
 
@@ -10,7 +10,7 @@ use super::chip::Controller;
 use super::shared::{EthercatState, State};
 
 impl EthercatState {
-    /// Notes what the SubDevice shows.
+    /// Records what the SubDevice indicates.
     pub(super) fn set_indicators(&self, indicators: Indicators) {
         let Indicators { state: shown, fault, fell } = indicators;
         self.update(|state| (state.shown, state.fault, state.fell) = (Some(shown), fault, fell));
@@ -21,7 +21,7 @@ impl EthercatState {
         shown.map(|state| Indicators { state, fault, fell })
     }
 
-    /// What the SubDevice shows, if it has begun and its controller answers.
+    /// What the SubDevice indicates, if it has started and its controller responds.
     pub fn indicators(&self) -> Option<Indicators> {
         self.shown().filter(|_| self.controller() == Controller::Present)
     }
@@ -35,13 +35,13 @@ impl EthercatState {
         }
     }
 
-    /// Lets the lamps of a board show that, for ever.
+    /// Shows the patterns on a board's LEDs, forever.
     pub async fn light(&self, lamps: &mut impl Lamps) -> ! {
         show(lamps, || self.lights()).await
     }
 
-    /// Lets `time` pass, in which lamps that are not for EtherCAT alone show that if there is something to show: a controller answers,
-    /// or a port waits for one. Says whether they did.
+    /// Shows the patterns for `time` on LEDs that also serve other purposes, if a controller responds or a port waits for one.
+    /// Returns whether it did.
     pub async fn light_for(&self, lamps: &mut impl Lamps, time: Duration) -> bool {
         let end = Timer::after(time);
         if !self.state.lock(Cell::get).has_port && self.indicators().is_none() {

@@ -1,32 +1,32 @@
-//! The serial line of the port: how a MainDevice wants it (2020h), and who had the last word about it.
+//! The serial line of the port: its settings from a MainDevice (2020h), and their origin.
 
 use core::fmt::{self, Display};
 
 use super::config_error::ConfigError;
 use crate::settings::{LineSettings, Parity};
 
-/// How a serial line is set.
+/// Settings of a serial line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Speed {
     /// Bits a second.
     pub baud: u32,
-    /// Parity; there are always eight data bits, as RTU needs.
+    /// Parity; RTU always has eight data bits.
     pub parity: Parity,
     /// One or two.
     pub stop_bits: u8,
 }
 
 impl Speed {
-    /// Of no line; all zeros.
+    /// No line; all zeros.
     pub(super) const NONE: Self = Self { baud: 0, parity: Parity::None, stop_bits: 0 };
 
-    /// As a line is set.
+    /// The settings of `line`.
     pub(crate) const fn of(line: &LineSettings) -> Self {
         Self { baud: line.baud, parity: line.parity, stop_bits: line.stop_bits }
     }
 
-    /// From the entries of 2020h. Where it wants parity, a MainDevice may give the data bits alone, eight of them, or count the parity
-    /// bit among them: 8E1 is `0,2` or `1,2`.
+    /// Decodes the entries of 2020h. With parity, a MainDevice may either give eight data bits, or include the parity bit: 8E1 is
+    /// `0,2` or `1,2`.
     pub(super) fn from_entries(entries: [u32; 4]) -> Result<Self, ConfigError> {
         let [baud, nine, parity, two_stop_bits] = entries;
         let parity = match (nine, parity) {
@@ -38,7 +38,7 @@ impl Speed {
         Ok(Self { baud, parity, stop_bits: 1 + two_stop_bits as u8 })
     }
 
-    /// As the entries of 2020h.
+    /// Encodes the entries of 2020h.
     pub(super) const fn entries(self) -> [u32; 4] {
         let (nine, parity) = match self.parity {
             Parity::None => (0, 0),
@@ -57,14 +57,14 @@ impl Display for Speed {
     }
 }
 
-/// Who has set the line last.
+/// The origin of the line's present settings.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum LineWriter {
-    /// The settings, as they were typed or loaded.
+    /// The settings, as typed or loaded.
     Settings,
     /// The MainDevice.
     MainDevice,
-    /// The settings, after the MainDevice had set this.
+    /// The settings, replacing those of the MainDevice.
     SettingsOver(Speed),
 }
 

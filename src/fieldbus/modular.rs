@@ -1,5 +1,5 @@
-//! The gateway as a modular device (ETG.5001.1), another product than [`DEVICE`]: each Modbus device is a module in a slot, with objects and
-//! PDOs of its own.
+//! The gateway as a modular device (ETG.5001.1), a product distinct from [`DEVICE`]: each Modbus device is a module in a slot, with
+//! its own objects and PDOs.
 //!
 //! Slot n has its settings at 8nn0h, its values at 6nn0h to 6nn3h and 7nn0h to 7nn1h, and its PDOs at 1600h + n and 1A00h + n.
 
@@ -16,14 +16,14 @@ use super::slaves::{self, ANY_U16, SLAVES};
 use crate::scanner::ValueType;
 use crate::settings::SlaveSettings;
 
-/// The PDO of the device itself, behind those of the modules.
+/// The device's own PDO, after those of the modules.
 pub(super) const STATUS_PDO: u16 = 0x1a20;
 /// Its bytes.
 pub(super) const OWN_BYTES: u32 = 2;
-/// Entries of a PDO at most: its sub-indices 1 to 254.
+/// Most entries of a PDO: its sub-indices 1 to 254.
 pub(super) const PDO_ENTRIES_MAX: usize = 254;
 
-/// The same product with modules is the next one.
+/// The product code of the variant with modules is the next one.
 const fn with_modules(identity: Identity) -> Identity {
     Identity { product: identity.product.wrapping_add(1), ..identity }
 }
@@ -35,7 +35,7 @@ const LONG_NAME: &str = "mobgate EtherCAT to Modbus gateway, modular, long image
 pub const MODULAR: Device =
     Device { identity: IDENTITY, name: NAME, order: "mobgate-modular", objects: OBJECTS, ..DEVICE };
 
-/// The same behind a controller with memory for longer images.
+/// The same for a controller with memory for longer images.
 pub const LONG_MODULAR: Device = Device {
     identity: LONG_IDENTITY,
     name: LONG_NAME,
@@ -49,7 +49,7 @@ const LONG_IDENTITY: Identity = with_modules(LONG_DEVICE.identity);
 
 const FILLED_UP: Mapped = Mapped { index: PADDING, sub: 0, count: 1, bits: 0 };
 
-/// What a product is called, and who made it.
+/// The identification of a product.
 const fn named(name: &'static str, identity: &'static [Entry]) -> [Object; 7] {
     [
         standard::device_type(0x0000_1389),
@@ -96,7 +96,7 @@ const MODULES: &[Object] = &[
         SLAVES,
         Entry::number("Profile", DataType::U32, 0x1389).numbered(),
     ),
-    // 0 everywhere: the MainDevice does not say which modules it expects.
+    // 0 everywhere: the MainDevice does not specify which modules it expects.
     Object::array(
         0xf030,
         "Configured module ident list",
@@ -125,7 +125,7 @@ const LONG_PARTS: &[&[Object]] = &[
 const OBJECTS: &[Object] = &joined::<{ count(PARTS) }>(PARTS);
 const LONG_OBJECTS: &[Object] = &joined::<{ count(LONG_PARTS) }>(LONG_PARTS);
 
-/// 8nn0h: the entries of 2100h + nn, and more.
+/// 8nn0h: the entries of 2100h + nn, and additional ones.
 const SETTINGS: &[Entry] = &{
     let [unit, coils, coil, switches, switch, inputs, input, outputs, output, polling] =
         slaves::configuration(1);
@@ -149,7 +149,7 @@ const SETTINGS: &[Entry] = &{
     ];
     let mut left = values.as_mut_slice();
     while let [entry, behind @ ..] = left {
-        // Modules make PDOs, which stay as they are from SafeOp on.
+        // They determine the PDOs, which are fixed from SafeOp on.
         *entry = entry.with_access(standard::SELECTABLE.and(Access::SETTING));
         left = behind;
     }
@@ -162,7 +162,7 @@ const INFORMATION: &[Entry] = &[
     Entry::reading("Bytes of outputs", DataType::U16),
 ];
 
-/// The slot that an object or PDO of a module is in, and where it stands in slot 0.
+/// The slot of a module's object or PDO, and the corresponding index in slot 0.
 pub(super) fn slot_of(index: u16) -> Option<(usize, u16)> {
     let slots = u16::from(SLAVES);
     let (slot, first) = match index {
@@ -174,17 +174,17 @@ pub(super) fn slot_of(index: u16) -> Option<(usize, u16)> {
     (slot < slots).then_some((slot.into(), first))
 }
 
-/// The index in `slot` of what stands at `first` in slot 0.
+/// The index in `slot` that corresponds to `first` in slot 0.
 pub(super) const fn in_slot(first: u16, slot: usize) -> u16 {
     let step = if first < 0x6000 { 1 } else { SLOT_STEP };
     first + step * slot as u16
 }
 
-/// Where the objects of slot 0 stand, and how many there are at most, in their order.
+/// First index of each object area in slot 0, and its size, in index order.
 const AREAS: &[(u16, u16)] =
     &[(0x1600, 1), (0x1a00, 1), (0x6000, 4), (0x7000, 2), (0x8000, 1), (0x9000, 1), (0xa000, 1)];
 
-/// All indices at which modules can have an object, in their order.
+/// All possible indices of module objects, in order.
 pub(super) fn indices() -> impl Iterator<Item = u16> {
     let slots = 0..usize::from(SLAVES);
     AREAS.iter().flat_map(move |&(first, count)| {
@@ -192,7 +192,7 @@ pub(super) fn indices() -> impl Iterator<Item = u16> {
     })
 }
 
-/// Whether the module `slave` has the object that stands at `first` in slot 0.
+/// Whether the module `slave` has the object at `first` in slot 0.
 pub(super) fn has(slave: &SlaveSettings, first: u16) -> bool {
     match first {
         0x1600 => pdo_bytes(slave, Channel::Outputs) > 0,
@@ -202,7 +202,7 @@ pub(super) fn has(slave: &SlaveSettings, first: u16) -> bool {
     }
 }
 
-/// The object of the module `slave` in `slot` that stands at `first` in slot 0.
+/// The object of the module `slave` in `slot` that corresponds to `first` in slot 0.
 pub(super) fn object(slave: &SlaveSettings, slot: usize, first: u16) -> Option<Object> {
     let channel = if matches!(first, 0x1600 | 0x7000..=0x7fff) { Channel::Outputs } else { Channel::Inputs };
     let (name, entries) = match first {
@@ -223,7 +223,7 @@ pub(super) fn object(slave: &SlaveSettings, slot: usize, first: u16) -> Option<O
     Some(Object { index: in_slot(first, slot), name, entries })
 }
 
-/// The name of a table, and what its values are.
+/// The name of a table, and its entries.
 fn values_of(table: &Table) -> (&'static str, Entry) {
     let data_type = match table.value_type {
         ValueType::Bit => DataType::Bool,
@@ -244,10 +244,10 @@ fn values_of(table: &Table) -> (&'static str, Entry) {
     (name, entry.numbered())
 }
 
-/// What the PDO of a module carries; none if it has too many entries.
+/// The content of a module's PDO; `None` if it has too many entries.
 fn runs(slave: &SlaveSettings, slot: usize, channel: Channel) -> Option<Runs> {
     let (mut runs, mut entries, mut end) = (Runs::NONE, 0, 0);
-    // Bits and registers: padding comes in front of the first register, and at the end. That makes six runs at most.
+    // Padding before the first register and at the end: with bits and registers, six runs at most.
     let mut pad = |runs: Runs, from: u32, to: u32| match to - from {
         0 => Some(runs),
         bits => {
@@ -267,34 +267,34 @@ fn runs(slave: &SlaveSettings, slot: usize, channel: Channel) -> Option<Runs> {
     (values + entries <= PDO_ENTRIES_MAX).then_some(runs)
 }
 
-/// Whether the PDOs of a module can list its values.
+/// Whether a module's PDOs can list all its values.
 pub(super) fn fits(slave: &SlaveSettings) -> bool {
     [Channel::Outputs, Channel::Inputs].into_iter().all(|channel| runs(slave, 0, channel).is_some())
 }
 
-/// A Modbus device as a module, as it is in slot 0: what description files tell about it.
+/// A Modbus device as a module in slot 0, for description files.
 #[derive(Debug, Clone, Copy)]
 pub struct Module(SlaveSettings);
 
 impl Module {
-    /// How many slots there are.
+    /// Number of slots.
     pub const SLOTS: u8 = SLAVES;
-    /// How far apart the objects of two slots are.
+    /// Index distance between the objects of adjacent slots.
     pub const INDEX_STEP: u16 = SLOT_STEP;
-    /// The bits of an ident that tell modules with the same process data apart.
+    /// The bits of an ident that distinguish modules with equal process data.
     pub const VARIANTS: u32 = VARIANTS;
 
-    /// `slave` as a module, if it can be one.
+    /// `slave` as a module, if possible.
     pub fn of(slave: &SlaveSettings) -> Option<Self> {
         (is_module(slave) && fits(slave)).then_some(Self(*slave))
     }
 
-    /// The device that it is.
+    /// The module's device.
     pub fn slave(&self) -> &SlaveSettings {
         &self.0
     }
 
-    /// Tells modules with other process data apart.
+    /// Distinguishes modules with different process data.
     pub fn ident(&self) -> u32 {
         ident(&self.0)
     }
@@ -304,7 +304,7 @@ impl Module {
         object(&self.0, 0, slot_of(index)?.1)
     }
 
-    /// All its objects but PDOs.
+    /// All its objects except PDOs.
     pub fn objects(&self) -> impl Iterator<Item = Object> {
         let indices = indices().filter(|&index| index >= 0x6000);
         indices
@@ -312,7 +312,7 @@ impl Module {
             .filter_map(|(_, first)| has(&self.0, first).then(|| object(&self.0, 0, first)).flatten())
     }
 
-    /// What has to be written so that it is this one.
+    /// The settings that configure this module.
     pub fn settings(&self) -> impl Iterator<Item = (Address, u32)> {
         (1..=SETTINGS.len() as u8)
             .filter_map(|sub| Some((Address { index: 0x8000, sub }, setting(&self.0, usize::from(sub) - 1)?)))

@@ -1,8 +1,8 @@
-//! Each Modbus device as a module in a slot (ETG.5001.1): what its process data are, value by value, and how they lie in its PDOs.
+//! Each Modbus device as a module in a slot (ETG.5001.1): its values, and their position in its PDOs.
 //!
-//! A table of the device is an object with an entry for each bit or value. In a PDO bits come first and are filled up to a word, so
-//! that registers lie on word boundaries; numbers have their low byte first, as EtherCAT has it. In the image, from which
-//! requests are made, registers have their high byte first.
+//! A table of the device is an object with an entry for each bit or value. In a PDO, bits come first and are padded to a word,
+//! which aligns registers to words; numbers are little-endian, as in EtherCAT. In the image, from which requests are made,
+//! registers are big-endian.
 
 use crc::{CRC_32_ISO_HDLC, Crc};
 use ethercat_subdevice::sync_manager::Channel;
@@ -11,7 +11,7 @@ use super::layout::DeviceLayout;
 use crate::scanner::{Kind, ValueType, copy_bits};
 use crate::settings::{Cells, SlaveSettings};
 
-/// How far apart the objects of two slots are.
+/// Index distance between the objects of adjacent slots.
 pub(super) const SLOT_STEP: u16 = 0x10;
 
 /// A table of a module in its process data.
@@ -20,22 +20,22 @@ pub(super) struct Table {
     /// The object in slot 0.
     pub(super) index: u16,
     pub(super) kind: Kind,
-    /// What its entries are.
+    /// Type of its entries.
     pub(super) value_type: ValueType,
-    /// How many.
+    /// Number of values.
     pub(super) values: u16,
-    /// Where the first one stands in the PDO, in bits.
+    /// Position of the first value in the PDO, in bits.
     pub(super) at: u32,
 }
 
 impl Table {
-    /// Where the bits behind the last one stand.
+    /// Position after the last value, in bits.
     pub(super) fn end(&self) -> u32 {
         self.at + u32::from(self.values) * u32::from(self.value_type.bits())
     }
 }
 
-/// The tables of `slave` in its PDO of inputs or outputs, in their order there.
+/// The tables of `slave` in its PDO of inputs or outputs, in PDO order.
 pub(super) fn tables(slave: &SlaveSettings, channel: Channel) -> impl Iterator<Item = Table> {
     const INPUTS: &[(u16, Kind)] =
         &[(0x6000, Kind::Discrete), (0x6001, Kind::Coil), (0x6002, Kind::Input), (0x6003, Kind::Holding)];
@@ -61,15 +61,15 @@ pub(super) fn pdo_bytes(slave: &SlaveSettings, channel: Channel) -> u32 {
     end.next_multiple_of(u16::BITS) / u8::BITS
 }
 
-/// Whether it is a module: one without process data is none.
+/// Whether it is a module, which requires process data.
 pub(super) fn is_module(slave: &SlaveSettings) -> bool {
     pdo_bytes(slave, Channel::Inputs) > 0
 }
 
-/// The bits of an ident that tell modules with the same process data apart in an ESI file. A MainDevice may expect any of those.
+/// The bits of an ident that distinguish modules with equal process data in an ESI file. A MainDevice may expect any of those.
 pub(super) const VARIANTS: u32 = 0xff;
 
-/// Tells modules with other process data apart: a check sum of how many values of which type each table has. 0 is no module.
+/// Distinguishes modules with different process data: a checksum of the number and type of each table's values. 0 means no module.
 pub(super) fn ident(slave: &SlaveSettings) -> u32 {
     const CHECKSUM: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
     let mut digest = CHECKSUM.digest();
@@ -79,13 +79,13 @@ pub(super) fn ident(slave: &SlaveSettings) -> u32 {
     }
     match digest.finalize() & !VARIANTS {
         _ if !is_module(slave) => 0,
-        // Of one in 16 million.
+        // Happens for one in 16 million.
         0 => VARIANTS + 1,
         ident => ident,
     }
 }
 
-/// Writes the inputs of `slave`, which lie in `image` as `layout` says, as its PDO.
+/// Writes the inputs of `slave`, located in `image` by `layout`, to its PDO.
 pub(super) fn put_inputs(slave: &SlaveSettings, layout: &DeviceLayout, image: &[u8], pdo: &mut [u8]) {
     for table in tables(slave, Channel::Inputs) {
         let from = image.get(usize::from(layout.input(table.kind))..).unwrap_or_default();
@@ -97,7 +97,7 @@ pub(super) fn put_inputs(slave: &SlaveSettings, layout: &DeviceLayout, image: &[
     }
 }
 
-/// Writes the outputs of `slave`, which came as its PDO, into `image`.
+/// Writes the outputs of `slave` from its PDO to `image`.
 pub(super) fn take_outputs(slave: &SlaveSettings, layout: &DeviceLayout, pdo: &[u8], image: &mut [u8]) {
     for table in tables(slave, Channel::Outputs) {
         let Some(first) = layout.output(table.kind) else { continue };
@@ -110,7 +110,7 @@ pub(super) fn take_outputs(slave: &SlaveSettings, layout: &DeviceLayout, pdo: &[
     }
 }
 
-/// Writes the value `nth` of a table, counted from 0, which lies in `image` from the byte `first` on.
+/// Writes value `nth` of a table, from 0; the table starts at byte `first` of `image`.
 pub(super) fn put_value(table: Table, image: &[u8], first: u16, nth: u16, into: &mut [u8]) {
     let from = image.get(usize::from(first)..).unwrap_or_default();
     if table.kind.is_bits() {
@@ -122,7 +122,7 @@ pub(super) fn put_value(table: Table, image: &[u8], first: u16, nth: u16, into: 
     }
 }
 
-/// Copies the values of a table, each with its last byte first.
+/// Copies the values of a table with reversed byte order.
 fn copy_reversed(from: &[u8], into: &mut [u8], table: Table) {
     let bytes = usize::from(table.value_type.bits() / 8);
     let values = from.chunks_exact(bytes).zip(into.chunks_exact_mut(bytes)).take(table.values.into());

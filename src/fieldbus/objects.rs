@@ -1,8 +1,7 @@
-//! The gateway's object dictionary: the one table that SDO, the EEPROM and the ESI file are made from.
+//! The gateway's object dictionary: the single table behind SDO, EEPROM and ESI file.
 //!
-//! Vendor id and product code are parameters of the build, the variables `MOBGATE_ETHERCAT_VENDOR` and
-//! `MOBGATE_ETHERCAT_PRODUCT` (decimal or `0x`): a vendor id is assigned by the EtherCAT Technology Group. The default is nobody's, for
-//! evaluation only.
+//! Vendor id and product code are build parameters, the variables `MOBGATE_ETHERCAT_VENDOR` and `MOBGATE_ETHERCAT_PRODUCT` (decimal
+//! or `0x`): the EtherCAT Technology Group assigns vendor ids. The default belongs to nobody, and is for evaluation only.
 
 use ethercat_subdevice::device::{Device, Identity};
 use ethercat_subdevice::object::{Access, DataType, Entry, Mapped, Object};
@@ -16,12 +15,12 @@ use super::texts::TEXTS;
 use crate::modbus::PDU_BYTES_MAX;
 use crate::scanner::REQUESTERS;
 
-/// Bytes of the reason for which a configuration is refused (2006h).
+/// Bytes of the reason for refusing a configuration (2006h).
 pub const REASON_BYTES: u16 = 48;
-/// Bytes of inputs beside the image: a counter, the health of four slaves, and the state of all of them.
+/// Bytes of inputs besides the image: a counter, the health of four slaves, and the state of all of them.
 const STATUS_BYTES: u16 = 1 + SLAVES_FIRST as u16 + 2 * SLAVES as u16;
 
-/// Data points that have entries: as many as there are on any board.
+/// Data points that have entries: the largest number on any board.
 const POINTS: u8 = 128;
 
 const EVALUATION_VENDOR: u32 = 0xffff_0001;
@@ -41,23 +40,23 @@ pub const DEVICE: Device = Device {
     name: "mobgate EtherCAT to Modbus gateway",
     order: "mobgate",
     group: "Gateways",
-    // A LAN9252 has 4 KiB of process memory: mailboxes of 128 bytes leave 1280 bytes for both images, of each of which there
-    // are three. Where they begin is the same however many PDOs are assigned.
+    // A LAN9252 has 4 KiB of process memory: mailboxes of 128 bytes leave 1280 bytes for both images, each triple-buffered. Their
+    // start does not depend on the assigned PDOs.
     memory: MemoryPlan::new(128, IMAGE_BYTES, (IMAGE_BYTES + STATUS_BYTES).next_multiple_of(8), 4096),
     // LAN9252: SPI, no synchronisation signals.
     controller: [0x80, 0, 0, 0, 0, 0, 0, 0],
-    // Some MainDevices (ethercrab 0.7) end with the first one that they get: 10F3h:05 and the port's settings say who takes them.
+    // Some MainDevices (ethercrab 0.7) fail at the first one: 10F3h:05 and the port's settings enable them.
     emergencies: false,
     texts: TEXTS,
     objects: OBJECTS,
 };
 
-/// The gateway behind a controller with memory for longer images: the same objects, and more PDOs.
+/// The gateway for a controller with memory for longer images: the same objects, and more PDOs.
 pub const LONG_DEVICE: Device = Device {
     identity: LONG_IDENTITY,
     name: "mobgate EtherCAT to Modbus gateway, long images",
     order: "mobgate-long",
-    // Images that are as long as they can be take 9426 bytes; a controller with less takes shorter ones.
+    // The longest images take 9426 bytes; a controller with less memory gets shorter ones.
     memory: MemoryPlan::new(128, LONG_OUTPUTS, LONG_INPUTS + STATUS_BYTES, 10 * 1024),
     objects: LONG_OBJECTS,
     ..DEVICE
@@ -68,7 +67,7 @@ pub(super) const MODBUS: &[Entry] =
 
 pub(super) const FLAGS: &[Entry] = &[
     Entry::setting("ConfigUpdateFlag", DataType::U16, 0, (0, 1)),
-    // The gateway sets it, a MainDevice can only reset it.
+    // Set by the gateway; a MainDevice can only reset it.
     Entry::setting("ConfigUpdateCompletedFlag", DataType::U16, 0, (0, 0)),
 ];
 
@@ -88,12 +87,12 @@ const ON_SILENCE: Entry = Entry::setting("OnSilence", DataType::U8, 0, (0, 2));
 
 const SUBSTITUTE: Entry = Entry::setting("Substitute", DataType::U16, 0, (0, u16::MAX as u32));
 
-/// Health in bits 0 and 1, its inputs in bits 2 and 3 (see 2180h), a bit that turns with every response (7), and the exception of
-/// its last negative answer (8 to 15).
+/// Health in bits 0 and 1, state of the inputs in bits 2 and 3 (see 2180h), bit 7 toggles with every response, and bits 8 to 15 are
+/// the last exception.
 const STATE: Entry = Entry::input("State", DataType::U16);
 
-/// The state reads as in 1023h of CiA 301: 0: ended, nothing to fetch; 1: answered; 2: ended in an error; 3: answered by an
-/// exception; 255: under way.
+/// The state is coded as in 1023h of CiA 301: 0: ended without response; 1: answered; 2: failed; 3: answered by an exception; 255:
+/// in progress.
 const REQUEST: &[Entry] = &[
     Entry {
         access: Access::WRITE,
@@ -102,20 +101,20 @@ const REQUEST: &[Entry] = &[
     Entry::reading("State", DataType::U8),
     Entry::reading("AnswerPdu", DataType::OctetsUpTo(PDU_BYTES_MAX as u16)),
     Entry::reading("Error", DataType::U8),
-    // How many bytes of 2034h are the request that is to be sent.
+    // Number of bytes of 2034h that form the request to send.
     Entry::setting("SendParts", DataType::U8, 0, (2, REQUEST_BYTES_MAX as u32)).with_access(Access::WRITE),
 ];
 
-/// Unit and PDU four bytes at a time, for MainDevices that write no more than that by SDO.
+/// Unit and PDU in four-byte parts, for MainDevices limited to expedited SDO writes.
 const REQUEST_PART: Entry =
     Entry { access: Access::WRITE, ..Entry::reading("UnitAndPduPart", DataType::U32) };
 
-/// The number of whoever asks, a MainDevice or one of its tasks, in the high byte; in the low one what is to be done, and when it is
-/// read how that is doing: as the holding registers of the own unit.
+/// High byte: the requester number, of a MainDevice or one of its tasks. Low byte: the command when written, its progress when
+/// read, as in the holding registers of the own unit.
 const POINT_COMMAND: Entry = Entry::setting("Command", DataType::U16, 0, (0, u16::MAX as u32))
     .with_access(Access::READ.and(Access::WRITE));
 
-/// Count is written last, and has the others carried out.
+/// Count is written last, and executes the command.
 const POINT_RANGE: &[Entry] =
     &[range_entry("RequesterAndDevice"), range_entry("Function"), range_entry("First"), range_entry("Count")];
 
@@ -123,24 +122,24 @@ const fn range_entry(name: &'static str) -> Entry {
     Entry { name, ..POINT_COMMAND }
 }
 
-/// What is written is a word (CiA 301, 7.5.2.13 and 14), what is read is that it is done on command.
+/// Writes take a signature (CiA 301, 7.5.2.13 and 14); reads indicate saving on command.
 const fn on_command(name: &'static str) -> Entry {
     Entry::setting(name, DataType::U32, 1, (0, u32::MAX)).with_access(Access::READ.and(Access::WRITE))
 }
 
-/// All entries of an object, one behind the other from the first on.
+/// All entries of an object, in order.
 const fn all_of(index: u16, count: u8, bits: u8) -> Mapped {
     Mapped { index, sub: 1, count, bits }
 }
 
-/// The bytes from `first` up to `end` of a buffer whose object has eight of them in an entry.
+/// The bytes from `first` to `end` of a buffer whose object has eight-byte entries.
 const fn by_eight(index: u16, first: u16, end: u16) -> Mapped {
     Mapped { index, sub: (first / 8) as u8 + 1, count: ((end - first) / 8) as u8, bits: 64 }
 }
 
 const IDENTITY_ENTRIES: &[Entry] = &standard::identity_entries(IDENTITY);
 
-/// Where the memory is shared out otherwise it is another product, the next but one.
+/// A different memory layout makes it another product, the one after next.
 const LONG_IDENTITY: Identity = Identity { product: IDENTITY.product.wrapping_add(2), ..IDENTITY };
 const LONG_IDENTITY_ENTRIES: &[Entry] = &standard::identity_entries(LONG_IDENTITY);
 
@@ -199,7 +198,7 @@ const BEFORE_LAYOUTS: &[Object] = &[
     Object::array(0x2007, "CheckBeforePollSlaves", SLAVES, CHECK),
     Object::array(0x2008, "OnSilenceOfSlaves", SLAVES, ON_SILENCE),
     Object::array(0x2009, "SubstituteOfSlaves", SLAVES, SUBSTITUTE),
-    // 0: the settings, as they were typed or loaded; 1: the MainDevice.
+    // 0: the settings, as typed or loaded; 1: the MainDevice.
     Object::variable(0x200a, Entry::reading("UartSetBy", DataType::U8)),
 ];
 
@@ -239,7 +238,7 @@ pub(super) const BEHIND_STATES: &[Object] = &[
 const FIRST_CONFIGURATIONS: &[Object] = &first_four(&CONFIGURATIONS, 0x2001);
 const FIRST_LAYOUTS: &[Object] = &first_four(&LAYOUTS, 0x2011);
 
-/// What a device with long images has beside the others: their PDOs, and the bytes behind the first 512.
+/// Additional objects of a device with long images: their PDOs, and the bytes after the first 512.
 const LONG_OUTPUT_PDOS: &[Object] = &[
     Object::mapping(
         0x1604,
@@ -298,20 +297,20 @@ const LONG_BUFFERS: &[Object] = &[
     Object::variable(0x202a, Entry::output("Last output bytes", DataType::Octets(LONG_OUTPUTS % LONG_ENTRY))),
 ];
 
-/// Bits of an entry behind the first 512 bytes: an EEPROM has no room for as many as of eight bytes.
+/// Bits of an entry after the first 512 bytes: the EEPROM has no room for as many as of eight bytes.
 const LONG_ENTRY_BITS: u8 = 8 * LONG_ENTRY as u8;
 
-/// Such entries from `first` up to `end` of a buffer.
+/// Number of such entries from `first` to `end` of a buffer.
 const fn long_entries(first: u16, end: u16) -> u8 {
     ((end - first) / LONG_ENTRY) as u8
 }
 
-/// The last bytes of a buffer that ends at `end`: less than such an entry.
+/// The remaining bytes of a buffer that ends at `end`: less than one such entry.
 const fn rest(index: u16, end: u16) -> Mapped {
     Mapped { index, sub: 0, count: 1, bits: (end % LONG_ENTRY * 8) as u8 }
 }
 
-/// The parts of the table, in the order of their indices.
+/// The parts of the table, in index order.
 const PARTS: &[&[Object]] = &[
     BEFORE_IDENTITY,
     &[standard::identity(IDENTITY_ENTRIES)],
@@ -329,7 +328,7 @@ const PARTS: &[&[Object]] = &[
     &STATUSES,
 ];
 
-/// Those of a device with long images.
+/// The parts of the table with long images.
 const LONG_PARTS: &[&[Object]] = &[
     BEFORE_IDENTITY,
     &[standard::identity(LONG_IDENTITY_ENTRIES)],
@@ -362,12 +361,12 @@ pub(super) const fn count(mut parts: &[&[Object]]) -> usize {
     count
 }
 
-/// All of `parts` in one table.
+/// Joins all `parts` into one table.
 pub(super) const fn joined<const N: usize>(mut parts: &[&[Object]]) -> [Object; N] {
     let mut all = [standard::SYNC_MANAGER_TYPES; N];
     let mut free = all.as_mut_slice();
     while let [part, behind @ ..] = parts {
-        // There is room for all: `count` is of the same parts.
+        // Sufficient: the count comes from the same parts.
         let Some((places, others)) = free.split_at_mut_checked(part.len()) else { break };
         places.copy_from_slice(part);
         (parts, free) = (behind, others);
@@ -378,7 +377,7 @@ pub(super) const fn joined<const N: usize>(mut parts: &[&[Object]]) -> [Object; 
 /// A number from the build's environment.
 ///
 /// # Panics
-/// At build time, when it is not one.
+/// If it is not one; at build time.
 const fn parameter(text: Option<&str>, default: u32) -> u32 {
     let Some(text) = text else { return default };
     let parsed = match text.as_bytes() {

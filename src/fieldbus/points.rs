@@ -1,4 +1,4 @@
-//! The objects of data points (2040h to 2043h): a MainDevice starts with them what masters start by the registers of the own unit.
+//! The objects of data points (2040h to 2043h): for a MainDevice, the same commands as the registers of the own unit for masters.
 
 use core::mem;
 
@@ -11,9 +11,9 @@ use crate::scanner::{Refused, RowId, ScannerState};
 #[derive(Default)]
 pub(super) struct PointObjects<'p> {
     scanner: Option<&'p ScannerState>,
-    /// 2042h, as it is written entry by entry.
+    /// 2042h, written entry by entry.
     range: [u16; 4],
-    /// Why what was written last is refused.
+    /// Why the last write was refused.
     refused: Option<Refused>,
 }
 
@@ -22,7 +22,7 @@ impl<'p> PointObjects<'p> {
         Self { scanner, ..Self::default() }
     }
 
-    /// The value of entry `nth`, from 0, of the object `index`; 0 for points that are not there.
+    /// The value of entry `nth`, from 0, of the object `index`; 0 for points that do not exist.
     pub(super) fn number(&self, index: u16, nth: usize) -> Option<u16> {
         let id = RowId(nth as u8);
         Some(match (index, self.scanner) {
@@ -34,7 +34,7 @@ impl<'p> PointObjects<'p> {
         })
     }
 
-    /// Takes `value` for the entry `sub` of the object `index`.
+    /// Writes `value` to the entry `sub` of the object `index`.
     pub(super) fn write(&mut self, index: u16, sub: u8, value: u16) {
         let nth = sub.saturating_sub(1);
         if index == 0x2042 {
@@ -50,11 +50,11 @@ impl<'p> PointObjects<'p> {
                 _ => scanner.start_range(range, now),
             })
         });
-        // Of several that are written together the first one is told.
+        // Of several written together, the first error is reported.
         self.refused = self.refused.or(done.err());
     }
 
-    /// What came of what was written last.
+    /// The outcome of the last write.
     pub(super) fn outcome(&mut self) -> Result<(), Abort> {
         Err(match mem::take(&mut self.refused) {
             None => return Ok(()),

@@ -1,4 +1,4 @@
-//! What the scanner reads and writes of a Modbus device for the process image.
+//! The scanner's rows for the process image.
 
 use embassy_time::Instant;
 
@@ -6,11 +6,11 @@ use super::layout::DeviceLayout;
 use crate::scanner::{Device, Full, Reading, Row, Scanner, Writing};
 use crate::settings::{Cells, SlaveSettings};
 
-/// Where the input buffer lies in the scanner's memory; the output buffer lies behind it.
+/// Start of the input buffer in the scanner's memory; the output buffer follows.
 pub(super) const INPUTS: u16 = 0;
 
-/// Lets `scanner` read `slave` into its part of the input buffer, and write from its part of the output buffer, which begins at
-/// `outputs`.
+/// Adds rows to `scanner` that read `slave` into its part of the input buffer, and write from its part of the output buffer, which
+/// starts at `outputs`.
 pub(super) fn add(
     scanner: &mut Scanner,
     slave: &SlaveSettings,

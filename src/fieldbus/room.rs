@@ -1,29 +1,29 @@
-//! Which bytes of the image each PDO carries, and so how long an image the assigned ones hold.
+//! The part of the image that each PDO carries, and the image size of the assigned PDOs.
 
 use ethercat_subdevice::sync_manager::Channel;
 
-/// Bytes of the input buffer and of the output buffer behind a controller of 4 KiB.
+/// Bytes of the input buffer and of the output buffer for a controller of 4 KiB.
 pub(super) const IMAGE_BYTES: u16 = 512;
 
-/// Bytes of the input buffer behind a larger one: as many as a frame has.
+/// Bytes of the input buffer for a larger controller: one frame.
 pub(super) const LONG_INPUTS: u16 = 1_486;
 
-/// Bytes of the output buffer behind a larger one.
+/// Bytes of the output buffer for a larger controller.
 pub(super) const LONG_OUTPUTS: u16 = 1_500;
 
-/// Bytes that can be had one by one: those of the PDOs that are assigned after power-on.
+/// Bytes accessible one by one: those of the PDOs assigned after power-on.
 pub(super) const FIRST_BYTES: u16 = 120;
 
-/// Where the second of the PDOs behind those ends, and the third begins.
+/// End of the PDO that follows those, and start of the next.
 pub(super) const SECOND_END: u16 = 256;
 
-/// Where the one ends that is behind the first 512 bytes of a long image, and the last one begins.
+/// End of the PDO after the first 512 bytes of a long image, and start of the last one.
 pub(super) const FOURTH_END: u16 = 1_024;
 
-/// Bytes that an entry has behind the first 512; before, it has one or eight.
+/// Bytes of an entry after the first 512; before, an entry has one or eight.
 pub(super) const LONG_ENTRY: u16 = 16;
 
-/// Bytes that there are for images.
+/// Bytes available for images.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Room {
     /// Of inputs.
@@ -37,10 +37,10 @@ impl Room {
     pub const MOST: Self = Self { inputs: IMAGE_BYTES, outputs: IMAGE_BYTES };
     /// With all PDOs of long images assigned.
     pub const LONG: Self = Self { inputs: LONG_INPUTS, outputs: LONG_OUTPUTS };
-    /// With the PDOs of after power-on.
+    /// With the PDOs assigned after power-on.
     pub const FIRST: Self = Self { inputs: FIRST_BYTES, outputs: FIRST_BYTES };
 
-    /// With `pdos` assigned to the SyncManager `channel`, and the others as they are.
+    /// With `pdos` assigned to the SyncManager `channel`, and the others unchanged.
     pub(super) fn with(self, channel: Channel, pdos: &[u16]) -> Self {
         match channel {
             Channel::Outputs => Self { outputs: covered(pdos), ..self },
@@ -50,7 +50,7 @@ impl Room {
     }
 }
 
-/// The bytes of its buffer that a PDO carries, as the first one and the one behind them; none for one of another purpose.
+/// The bytes of its buffer that a PDO carries, as start and end; `None` for PDOs without a buffer.
 pub(super) const fn span(pdo: u16) -> Option<(u16, u16)> {
     match pdo {
         0x1600 | 0x1601 | 0x1a00 | 0x1a01 => Some((0, FIRST_BYTES)),
@@ -63,7 +63,7 @@ pub(super) const fn span(pdo: u16) -> Option<(u16, u16)> {
     }
 }
 
-/// The first byte that an object has of the buffers behind byte 511.
+/// Start of an object's part of the buffers, after byte 511.
 pub(super) const fn first_of(index: u16) -> u16 {
     match index {
         0x2025 | 0x2026 => IMAGE_BYTES,
@@ -73,10 +73,10 @@ pub(super) const fn first_of(index: u16) -> u16 {
     }
 }
 
-/// Bytes from the first one on that `pdos` carry without a gap.
+/// Contiguous bytes from the start that `pdos` cover.
 fn covered(pdos: &[u16]) -> u16 {
     let mut end = 0;
-    // Each goes on behind another one: there is no loop.
+    // Terminates: each PDO continues another one.
     while let Some((_, next)) = pdos.iter().filter_map(|pdo| span(*pdo)).find(|(first, _)| *first == end) {
         end = next;
     }

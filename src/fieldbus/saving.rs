@@ -1,4 +1,4 @@
-//! What a MainDevice has had taken over, on its way into the settings and into a store.
+//! Transfers a configuration applied by a MainDevice to the settings and to a store.
 
 use core::cell::Cell;
 
@@ -8,12 +8,12 @@ use super::shared::{EthercatState, State};
 use crate::settings::Settings;
 
 impl EthercatState {
-    /// Waits until the settings are to be saved, as somebody who has a store; says how.
+    /// Waits for a request to save the settings. To be called by the owner of a store.
     pub(crate) async fn keep_wanted(&self) -> Keep {
         self.keeping.wanted().await
     }
 
-    /// The settings have been saved, or not.
+    /// Reports whether the settings were saved.
     pub(crate) fn kept(&self, well: bool) {
         self.keeping.done(well);
         if !well {
@@ -21,27 +21,27 @@ impl EthercatState {
         }
     }
 
-    /// The slaves are those of after power-on.
+    /// Restores the default slaves.
     pub(crate) fn restore(&self) {
         self.configuration(|configuration| configuration.replace(&[]));
     }
 
-    /// Whether a MainDevice has had a configuration taken over, and the settings do not say so yet.
+    /// Whether a MainDevice has applied a configuration that the settings do not contain yet.
     pub(crate) fn has_changed(&self) -> bool {
         self.state.lock(Cell::get).taken_over
     }
 
-    /// Whether the settings say the slaves of the configuration.
+    /// Whether the settings contain the configured slaves.
     pub(crate) fn is_told(&self, settings: &Settings) -> bool {
         self.configuration(|configuration| settings.slaves == configuration.slaves())
     }
 
-    /// Puts the configuration that was taken over into the settings; how their line is to be set, if it is not set so.
+    /// Copies the applied configuration to the settings; returns the required line settings if they differ.
     pub(crate) fn tell(&self, settings: &mut Settings) -> Option<Speed> {
         let State { speed, .. } = self.state.lock(Cell::get);
         self.configuration(|configuration| {
             settings.slaves.clear();
-            // As many as there can be.
+            // The same capacity.
             let _ = settings.slaves.extend_from_slice(configuration.slaves());
         });
         let line = settings.ethercat_speed().map(Speed::of);

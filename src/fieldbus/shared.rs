@@ -1,7 +1,7 @@
-//! What the SubDevice and the port share: a scanner whose memory is the process image, and whether it has anything to ask.
+//! State shared by the SubDevice and the port: a scanner whose memory is the process image, and what it polls.
 //!
-//! The input buffer is the first part of the scanner's values, the output buffer the second: what a device answers is in the
-//! next TxPDO, and what an RxPDO brings is compared with what is read next.
+//! The scanner's values are the input buffer, followed by the output buffer: a device's response is in the next TxPDO, and the data
+//! of an RxPDO are compared with the next read.
 
 use core::cell::{Cell, RefCell};
 
@@ -27,15 +27,15 @@ use super::texts::SharedHistory;
 use crate::scanner::{DeviceId, DeviceStatus, Scanner, ScannerState};
 use crate::settings::{OnLoss, Settings};
 
-/// A gateway's EtherCAT side. Boards keep it in a static; it is all zeros at start.
+/// The gateway's EtherCAT state. Boards keep it in a static; it is all zeros at start.
 pub struct EthercatState {
     /// Its images are longer than a controller of 4 KiB holds.
     pub(super) long: bool,
     pub(super) scanner: ScannerState,
-    /// As it was written last; while one is in use, this is the one.
+    /// As last written; the one in use, if any.
     configuration: Mutex<CriticalSectionRawMutex, RefCell<Configuration>>,
     pub(super) state: Mutex<CriticalSectionRawMutex, Cell<State>>,
-    /// The devices are others: what was asked before is nobody's question any more. Or the controller has come or gone.
+    /// The devices have changed, so that pending requests are obsolete, or the controller has appeared or disappeared.
     renewed: Signal<CriticalSectionRawMutex, ()>,
     requests: Requests,
     pub(super) keeping: Keeping,
@@ -44,43 +44,43 @@ pub struct EthercatState {
 
 #[derive(Clone, Copy)]
 pub(super) struct State {
-    /// Whether a port asks the devices.
+    /// Whether a port polls the devices.
     pub(super) has_port: bool,
-    /// Whether the line is there that the port is to set.
+    /// Whether the port's line exists.
     has_line: bool,
     pub(super) on_loss: OnLoss,
     proves_outputs: bool,
-    /// What the gateway says it is when it is asked.
+    /// The explicit device identification.
     id: Option<u16>,
-    /// Whether errors are reported by emergencies from the start.
+    /// Whether emergencies are enabled from the start.
     emergencies: bool,
     /// Whether a configuration is in use.
     running: bool,
-    /// The settings have slaves that are to be asked as soon as there are port and line.
+    /// The settings have slaves to poll as soon as port and line exist.
     wanted: bool,
-    /// A MainDevice has had a configuration taken over, and the settings do not say so yet.
+    /// A MainDevice has applied a configuration that the settings do not contain yet.
     pub(super) taken_over: bool,
-    /// Bytes of the image that the assigned PDOs hold.
+    /// Image size of the assigned PDOs.
     pub(super) room: Room,
-    /// Whether devices are modules, whose PDOs are as long as their values.
+    /// Whether devices are modules, whose PDOs have the size of their values.
     pub(super) modular: bool,
-    /// Whether the settings say so. The SubDevice has to start anew for that.
+    /// Whether the settings select modules. A change requires a restart of the SubDevice.
     pub(super) wants_modules: bool,
-    /// Whether they are being exchanged, and cannot become others.
+    /// Whether process data are exchanged, so that modules cannot change.
     exchanging: bool,
-    /// How the MainDevice has set the serial line, once it has.
+    /// The line settings from the MainDevice, once it has written any.
     pub(super) speed: Speed,
-    /// How the line was set when it was looked at last.
+    /// The line settings as last seen in the settings.
     pub(super) line: Speed,
     controller: Controller,
-    /// What the SubDevice shows, once it does. Apart from each other, or nothing yet would not be all zeros.
+    /// What the SubDevice indicates, once it runs. Separate fields, so that the initial value is all zeros.
     pub(super) shown: Option<AlState>,
     pub(super) fault: Option<AlStatusCode>,
     pub(super) fell: bool,
 }
 
 impl State {
-    /// All zeros, as the rest.
+    /// All zeros, as the other fields.
     const NEW: Self = Self {
         has_port: false,
         has_line: false,
@@ -111,7 +111,7 @@ impl EthercatState {
     }
 
     /// The same with buffers for images of up to [`Room::LONG`].
-    #[cfg(feature = "long-images")] // Elsewhere the scanner has not the memory.
+    #[cfg(feature = "long-images")] // Other images lack the scanner memory.
     pub const fn long() -> Self {
         Self::with(true)
     }
@@ -134,29 +134,29 @@ impl EthercatState {
         self.state.lock(Cell::get).running
     }
 
-    /// Whether outputs are read from the controller until two readings agree.
+    /// Whether outputs are read from the controller until two reads agree.
     pub(super) fn proves_outputs(&self) -> bool {
         self.state.lock(Cell::get).proves_outputs
     }
 
-    /// What tells the gateway from others, if that is set.
+    /// The explicit device identification, if set.
     pub(super) fn identification(&self) -> Option<u16> {
         self.state.lock(Cell::get).id
     }
 
-    /// How the slave `nth` is doing, if there is one.
+    /// The status of the slave `nth`, if it exists.
     pub fn slave_status(&self, nth: usize) -> Option<DeviceStatus> {
         let id = DeviceId(u8::try_from(nth).ok()?);
         self.scanner.with(|scanner| scanner.device_status(id, Instant::now()))
     }
 
-    /// Calls `f` with the configuration as it was written last.
+    /// Calls `f` with the configuration as last written.
     pub fn configuration<R>(&self, f: impl FnOnce(&mut Configuration) -> R) -> R {
         self.configuration.lock(|configuration| f(configuration.borrow_mut().filled()))
     }
 
-    /// Writes a number of the configuration. What is there already changes nothing, so that a MainDevice may send its start-up list
-    /// again; anything else is the first of another configuration, and the one in use ends.
+    /// Writes a number of the configuration. Equal values change nothing, so that a MainDevice may repeat its start-up list; a
+    /// different value starts a new configuration, and stops the one in use.
     pub(super) fn configure(&self, at: Address, number: u32) {
         if self.configuration(|configuration| configuration.number(at)) == Some(number) {
             return;
@@ -167,7 +167,7 @@ impl EthercatState {
         self.configuration(|configuration| configuration.set(at, number)).unwrap_or_default();
     }
 
-    /// Where the values of the slave `nth` lie; all zeros while no configuration is in use.
+    /// The layout of the slave `nth`; all zeros while no configuration is in use.
     pub fn layout(&self, nth: usize) -> DeviceLayout {
         if !self.is_running() {
             return DeviceLayout::default();
@@ -176,7 +176,7 @@ impl EthercatState {
         self.configuration(of).and_then(Result::ok).unwrap_or_default()
     }
 
-    /// Whether the configuration can be used now; how the line is to be set for it.
+    /// Checks whether the configuration can be used now; returns the required line settings.
     pub(super) fn check(&self) -> Result<Speed, ConfigError> {
         let State { has_port, has_line, room, .. } = self.state.lock(Cell::get);
         let speed = self.configuration(|configuration| configuration.plan(room))?;
@@ -187,7 +187,7 @@ impl EthercatState {
         }
     }
 
-    /// Uses the configuration as a whole, with empty buffers, or changes nothing. One that is in use already stays so.
+    /// Applies the whole configuration with empty buffers, or changes nothing. One already in use stays so.
     pub(super) fn take_over(&self) -> Result<(), ConfigError> {
         let speed = self.check()?;
         self.update(|state| (state.speed, state.taken_over) = (speed, true));
@@ -197,7 +197,7 @@ impl EthercatState {
         Ok(())
     }
 
-    /// Asks the devices of the configuration, which was checked.
+    /// Starts polling the devices of the checked configuration.
     fn start(&self) {
         let (now, most) = (Instant::now(), self.most());
         self.configuration(|configuration| {
@@ -205,7 +205,7 @@ impl EthercatState {
             let slaves = slaves.iter().zip(layouts(slaves, most).map_while(Result::ok));
             self.scanner.change(|scanner| {
                 scanner.restart(now);
-                // Both buffers, and as many slaves with one range in each table, are within every limit.
+                // Within all limits: both buffers, and the maximum of slaves with one range in each table.
                 let fits = scanner.allocate(most.inputs + most.outputs).map(|_| ());
                 let fits = fits.and_then(|()| {
                     let mut slaves = slaves;
@@ -218,30 +218,30 @@ impl EthercatState {
         self.renewed.signal(());
     }
 
-    /// The devices are not asked any more; the buffers stay as they are.
+    /// Stops polling; the buffers keep their values.
     pub(super) fn stop(&self) {
         self.scanner.change(Scanner::forget_devices);
         self.update(|state| (state.running, state.wanted) = (false, false));
         self.renewed.signal(());
     }
 
-    /// What keeps the slaves of the settings from being asked, if they wait.
+    /// What the settings' slaves are waiting for before they can be polled.
     pub(super) fn missing(&self) -> Option<ConfigError> {
         let State { wanted, has_port, .. } = self.state.lock(Cell::get);
         wanted.then_some(if has_port { ConfigError::NoLine } else { ConfigError::NoPort })
     }
 
-    /// Whether a port can send requests of the MainDevice.
+    /// Checks whether a port can send requests of the MainDevice.
     pub(super) fn check_port(&self) -> Result<(), Abort> {
         if self.state.lock(Cell::get).has_port { Ok(()) } else { Err(Abort::LocalControl) }
     }
 
-    /// Bytes of the image that the assigned PDOs hold.
+    /// Image size of the assigned PDOs.
     pub(super) fn room(&self) -> Room {
         self.state.lock(Cell::get).room
     }
 
-    /// Other PDOs are assigned.
+    /// Sets the image size after a change of the assignment.
     pub(super) fn set_room(&self, room: Room) {
         let most = self.most();
         let room = Room { inputs: room.inputs.min(most.inputs), outputs: room.outputs.min(most.outputs) };
@@ -253,7 +253,7 @@ impl EthercatState {
         self.state.lock(Cell::get).exchanging
     }
 
-    /// Notes whether process data are exchanged.
+    /// Records whether process data are exchanged.
     pub(super) fn set_exchanging(&self, exchanging: bool) {
         self.update(|state| state.exchanging = exchanging);
     }
@@ -263,28 +263,28 @@ impl EthercatState {
         &self.scanner
     }
 
-    /// The MainDevice's own requests.
+    /// The MainDevice's direct requests.
     pub fn requests(&self) -> &Requests {
         &self.requests
     }
 
-    /// Whether the board's controller answers.
+    /// The presence of the board's controller.
     pub fn controller(&self) -> Controller {
         self.state.lock(Cell::get).controller
     }
 
-    /// Notes whether the controller answers, for the port and whoever asks.
+    /// Records the controller's presence, and notifies the port.
     pub(super) fn set_controller(&self, controller: Controller) {
         self.update(|state| state.controller = controller);
         self.renewed.signal(());
     }
 
-    /// Waits until the devices are others, or the controller is.
+    /// Waits until the devices or the controller change.
     pub async fn renewed(&self) {
         self.renewed.wait().await;
     }
 
-    /// Who has set the port's line last.
+    /// The origin of the line's settings.
     pub fn line_writer(&self) -> LineWriter {
         match self.state.lock(Cell::get) {
             State { line, speed, .. } if line == Speed::NONE || speed == Speed::NONE => LineWriter::Settings,
@@ -293,11 +293,11 @@ impl EthercatState {
         }
     }
 
-    /// Whether the slaves of `settings` can be asked with the PDOs that are in use.
+    /// Whether the slaves of `settings` can be polled with the PDOs in use.
     pub(crate) fn check_settings(&self, settings: &Settings) -> Result<(), ConfigError> {
         let State { exchanging, room, modular, .. } = self.state.lock(Cell::get);
         let modules = settings.ethercat().map_or(modular, |port| port.modules);
-        // Another device starts anew, with nothing assigned.
+        // A change of the device restarts it, with nothing assigned.
         let exchanging = exchanging && modules == modular;
         if exchanging && modular && !self.is_told(settings) {
             return Err(ConfigError::ModulesInUse);
@@ -306,8 +306,8 @@ impl EthercatState {
         layouts(&settings.slaves, room).try_for_each(|layout| layout.map(|_| ()))
     }
 
-    /// Follows `settings`, which were checked: slaves that are others are asked from now on; without a port that asks them,
-    /// no configuration can be in use.
+    /// Applies checked `settings`: changed slaves are polled from now on; without a port that polls them, no configuration can be
+    /// in use.
     pub fn follow(&self, settings: &Settings, other_slaves: bool) {
         let port = settings.ethercat();
         let sets_none = port.is_some_and(|port| port.line.is_none());
@@ -324,7 +324,7 @@ impl EthercatState {
             state.line = line;
             state.wanted |= other_slaves && !settings.slaves.is_empty();
         });
-        // Until a MainDevice says otherwise, the line is as it should be.
+        // The line is right until a MainDevice requests otherwise.
         if line != before.line && line != Speed::NONE && before.speed == Speed::NONE {
             self.configuration(|configuration| configuration.set_speed(line));
         }
@@ -333,7 +333,7 @@ impl EthercatState {
             self.configuration(|configuration| configuration.replace(&settings.slaves));
         }
         let State { has_port, has_line, running, wanted, emergencies, .. } = self.state.lock(Cell::get);
-        // What a MainDevice has set counts until it is typed otherwise.
+        // A MainDevice's choice lasts until the setting is changed.
         if emergencies != before.emergencies {
             self.history(|history| history.set_emergencies(emergencies));
         }

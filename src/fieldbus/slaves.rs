@@ -1,15 +1,15 @@
-//! The objects that there are once for each Modbus device: configuration, layout and status.
+//! The objects that exist once per Modbus device: configuration, layout and status.
 //!
-//! All slaves have them from 2100h, 2140h and 2180h on. The configuration and the layout of the first four stand at 2001h and
-//! 2011h too: the same values, at two places.
+//! All slaves have them from 2100h, 2140h and 2180h on. For the first four, configuration and layout are also at 2001h and 2011h:
+//! the same values at two addresses.
 
 use ethercat_subdevice::object::{DataType, Entry, Object};
 
 use crate::scanner::POINTS;
 
-/// Slaves that can be configured. The table has all of them also in an image that cannot ask any.
+/// Most configurable slaves. The table contains all of them, even in images that cannot poll any.
 pub(super) const SLAVES_MAX: usize = 32;
-/// Slaves that have a second place for configuration and layout; as many are configured after power-on.
+/// Slaves with configuration and layout at two addresses; as many are configured after power-on.
 pub(super) const SLAVES_FIRST: u8 = 4;
 /// Entries of an array with a value for each slave.
 pub(super) const SLAVES: u8 = SLAVES_MAX as u8;
@@ -20,7 +20,7 @@ const STATUS_END: u16 = 0x2180 + SLAVES_MAX as u16 - 1;
 
 const _: () = assert!(crate::settings::SLAVES_MAX == if POINTS { SLAVES_MAX } else { 0 });
 
-/// What an object tells about which slave, counted from 0.
+/// An object of a slave; slaves count from 0.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum ModbusSlave {
     Configuration(usize),
@@ -29,7 +29,7 @@ pub(super) enum ModbusSlave {
 }
 
 impl ModbusSlave {
-    /// What stands at `index`.
+    /// The object at `index`.
     pub(super) fn of(index: u16) -> Option<Self> {
         Some(match index {
             0x2001..=0x2004 => Self::Configuration(usize::from(index - 0x2001)),
@@ -37,7 +37,7 @@ impl ModbusSlave {
             0x2011..=0x2014 => Self::Layout(usize::from(index - 0x2011)),
             0x2140..=LAYOUTS_END => Self::Layout(usize::from(index - 0x2140)),
             0x2180..=STATUS_END => Self::Status(usize::from(index - 0x2180)),
-            // Those of modules.
+            // In a modular gateway.
             0x8000..=0x81f0 if index & 0xf == 0 => Self::Configuration(usize::from(index - 0x8000) >> 4),
             0xa000..=0xa1f0 if index & 0xf == 0 => Self::Status(usize::from(index - 0xa000) >> 4),
             _ => return None,
@@ -72,7 +72,7 @@ const UNIT_2: &[Entry] = &configuration(2);
 const UNIT_3: &[Entry] = &configuration(3);
 const UNIT_4: &[Entry] = &configuration(4);
 
-/// They take much room, and differ by the default of the unit id only.
+/// Shared, as they are large and differ only in the default unit id.
 const fn configuration_of(nth: u16) -> &'static [Entry] {
     match default_unit(nth) {
         2 => UNIT_2,
@@ -99,12 +99,12 @@ const fn layout_of(_nth: u16) -> &'static [Entry] {
     LAYOUT
 }
 
-/// 0: not asked yet; 1: well; 2: not normal.
+/// 0: not polled yet; 1: responds; 2: faulty.
 pub(super) const HEALTH: Entry = Entry::input("Health", DataType::U8);
 
 pub(super) const STATUS: &[Entry] = &[
     HEALTH,
-    // Never, until it does.
+    // Never, initially.
     Entry::reading("AnsweredBeforeMs", DataType::U32).with_default(u32::MAX),
     Entry::reading("ExceptionCode", DataType::U8),
     Entry::reading("LastError", DataType::U8),
@@ -112,7 +112,7 @@ pub(super) const STATUS: &[Entry] = &[
     Entry::reading("Answers", DataType::U32),
     Entry::reading("Exceptions", DataType::U32),
     Entry::reading("Failures", DataType::U32),
-    // 0: as they were read; 1: held, 2: cleared, 3: substituted, since it does not answer.
+    // 0: as read; 1: held, 2: cleared, 3: substituted, because the device does not respond.
     Entry::reading("Inputs", DataType::U8),
 ];
 
@@ -120,7 +120,7 @@ const fn status_of(_nth: u16) -> &'static [Entry] {
     STATUS
 }
 
-/// A record for each slave; its number ends the name.
+/// A record for each slave, with its number at the end of the name.
 macro_rules! records {
     ($first:literal, $name:literal, $entries:path) => {
         records!(@ $first, $name, $entries;
@@ -137,7 +137,7 @@ pub(super) const LAYOUTS: [Object; SLAVES_MAX] =
     records!(0x2140, "PhyAddressRegistersModbusSlave", layout_of);
 pub(super) const STATUSES: [Object; SLAVES_MAX] = records!(0x2180, "StatusModbusSlave", status_of);
 
-/// The first four of `objects`, from another index on.
+/// The first four of `objects`, at indices from `index` on.
 pub(super) const fn first_four(
     objects: &[Object; SLAVES_MAX],
     index: u16,

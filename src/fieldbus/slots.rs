@@ -1,4 +1,4 @@
-//! What a modular gateway has besides: the modules in their slots, and those that the MainDevice expects there.
+//! Additional state of a modular gateway: the modules in their slots, and those expected by the MainDevice.
 
 use core::cell::Cell;
 
@@ -16,19 +16,19 @@ use super::shared::EthercatState;
 use super::slaves::SLAVES_MAX;
 use crate::settings::SlaveSettings;
 
-/// The settings of a module, in slot 0.
+/// The settings of the module in slot 0.
 const SETTINGS: u16 = 0x8000;
 
 /// The slots.
 pub(super) struct Slots<'p> {
     shared: &'p EthercatState,
-    /// The modules that the MainDevice expects (F030h).
+    /// The modules expected by the MainDevice (F030h).
     expected: [u32; SLAVES_MAX],
-    /// Where the module behind the one whose process data were exchanged last has its values. PDOs are exchanged slot by slot.
+    /// Layout start after the module exchanged last. PDOs are exchanged slot by slot.
     next: Start,
 }
 
-/// The module in `slot` of `slaves`, if there is one whose PDOs can list its values.
+/// The module in `slot` of `slaves`, if there is one with values that fit its PDOs.
 fn module_of(slaves: &[SlaveSettings], slot: usize) -> Option<&SlaveSettings> {
     slaves.get(slot).filter(|slave| is_module(slave) && fits(slave))
 }
@@ -38,13 +38,13 @@ impl<'p> Slots<'p> {
         Self { shared, expected: [0; SLAVES_MAX], next: Start::default() }
     }
 
-    /// The module in a slot, if there is one.
+    /// The module in a slot, if any.
     fn module(&self, slot: usize) -> Option<SlaveSettings> {
         let slave = self.shared.configuration(|configuration| configuration.slaves().get(slot).copied())?;
         is_module(&slave).then_some(slave)
     }
 
-    /// An object of a module's; settings are also there for modules to come.
+    /// An object of a module; settings exist even without a module.
     pub(super) fn object(&self, index: u16) -> Option<Object> {
         let (slot, first) = slot_of(index)?;
         if first == SETTINGS {
@@ -79,11 +79,11 @@ impl<'p> Slots<'p> {
                 bytes += of_module;
             }
         });
-        // What is longer than the process data is refused before they are exchanged.
+        // An overlong PDO is refused before the exchange.
         Assignment::of_modules(channel, first, present, u16::try_from(bytes).unwrap_or(u16::MAX))
     }
 
-    /// The module in a slot, and where its values lie.
+    /// The module in a slot, with its layout.
     fn placed(&mut self, slot: usize) -> Option<(SlaveSettings, DeviceLayout)> {
         if usize::from(self.next.nth) > slot {
             self.next = Start::default();
@@ -98,14 +98,14 @@ impl<'p> Slots<'p> {
         })
     }
 
-    /// How many modules there are.
+    /// Number of modules.
     pub(super) fn count(&self) -> u32 {
         self.assignment(Channel::Inputs).indices().count() as u32 - 1
     }
 
-    /// Whether the modules are what the MainDevice expects, and have room in the process data.
+    /// Checks the modules against the MainDevice's expectation and the process data size.
     fn check(&mut self) -> Result<(), ConfigError> {
-        // They may be others than those whose process data were exchanged last.
+        // Modules may have changed since the last exchange.
         self.next = Start::default();
         let (most, mut inputs, mut outputs) = (self.shared.most(), OWN_BYTES, 0);
         for (slot, &expected) in self.expected.iter().enumerate() {
@@ -132,7 +132,7 @@ impl<'p> Slots<'p> {
         Ok(())
     }
 
-    /// Takes the modules over as they were written, if there are any.
+    /// Applies the modules as written, if there are any.
     pub(super) fn take_over(&mut self) -> Result<(), ConfigError> {
         self.check()?;
         if self.has_modules() { self.shared.take_over() } else { Ok(()) }
@@ -142,12 +142,12 @@ impl<'p> Slots<'p> {
         self.expected.iter().any(|expected| *expected != 0)
     }
 
-    /// Whether there is any module.
+    /// Whether there are any modules.
     fn has_modules(&self) -> bool {
         self.shared.configuration(|configuration| configuration.slaves().iter().any(is_module))
     }
 
-    /// The number at `at`, if it is one of these.
+    /// The number at `at`, if it belongs to the slots.
     pub(super) fn number(&self, at: Address) -> Option<u32> {
         let nth = usize::from(at.sub.checked_sub(1)?);
         Some(match at.index {
@@ -165,14 +165,14 @@ impl<'p> Slots<'p> {
         })
     }
 
-    /// Writes the module that the MainDevice expects in a slot, if `at` is one of these.
+    /// Writes the expected module of a slot, if `at` is one.
     pub(super) fn write(&mut self, at: Address, ident: u32) -> bool {
         let expected = self.expected.get_mut(usize::from(at.sub).saturating_sub(1));
         let ident_of_slot = expected.filter(|_| at.index == 0xf030);
         ident_of_slot.map(|expected| *expected = ident).is_some()
     }
 
-    /// Reads a value of a module's, if `at` is one; 0 as long as nobody asks for it.
+    /// Reads a value of a module, if `at` is one; 0 while it is not polled.
     pub(super) fn read(&self, at: Address, into: &mut [u8]) -> Option<()> {
         let (slot, first @ 0x6000..=0x7fff) = slot_of(at.index)? else { return None };
         let module = self.module(slot)?;
@@ -193,7 +193,7 @@ impl<'p> Slots<'p> {
         Some(())
     }
 
-    /// Writes the inputs of a module, if `pdo` is one's.
+    /// Writes the inputs of a module, if `pdo` belongs to one.
     pub(super) fn inputs(&mut self, pdo: u16, into: &mut [u8]) -> Option<()> {
         let (slot, 0x1a00) = slot_of(pdo)? else { return None };
         into.fill(0);
@@ -216,13 +216,13 @@ impl<'p> Slots<'p> {
 }
 
 impl EthercatState {
-    /// Whether devices are modules, in the SubDevice as it is now. Its PDOs are those of after power-on.
+    /// Sets whether devices are modules in the running SubDevice. Its PDOs are those of power-on.
     pub(super) fn set_modular(&self, modular: bool) {
         let room = if modular { self.most() } else { Room::FIRST };
         self.update(|state| (state.modular, state.room) = (modular, room));
     }
 
-    /// Whether the settings want a modular SubDevice.
+    /// Whether the settings select a modular SubDevice.
     pub(super) fn wants_modules(&self) -> bool {
         self.state.lock(Cell::get).wants_modules
     }

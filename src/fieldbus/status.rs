@@ -1,4 +1,4 @@
-//! How the Modbus devices are doing, as numbers (2031h, 2032h, 2180h and following).
+//! The status of the Modbus devices, as numbers (2031h, 2032h, 2180h and following).
 
 use embassy_time::Instant;
 
@@ -6,10 +6,10 @@ use super::shared::EthercatState;
 use crate::scanner::DeviceStatus;
 use crate::settings::OnSilence;
 
-/// The bit of a state that turns with every response.
+/// The bit of a state that toggles with every response.
 const TURNS: u16 = 1 << 7;
 
-/// Health of a device. 0: not asked yet; 1: well; 2: not normal.
+/// Health of a device. 0: not polled yet; 1: responds; 2: faulty.
 fn health(status: &DeviceStatus) -> u8 {
     match status.alive {
         None => 0,
@@ -24,7 +24,7 @@ impl EthercatState {
         self.slave_status(nth).map_or(0, |status| health(&status))
     }
 
-    /// What stands in its inputs. 0: what was read; 1, 2, 3: they are held, cleared, substituted.
+    /// State of its inputs. 0: as read; 1, 2, 3: held, cleared, substituted.
     fn inputs_are(&self, nth: usize, status: &DeviceStatus) -> u8 {
         if health(status) != 2 {
             return 0;
@@ -38,7 +38,7 @@ impl EthercatState {
         })
     }
 
-    /// All of that in 16 bits (2032h).
+    /// The complete status in 16 bits (2032h).
     pub(crate) fn state_word(&self, nth: usize) -> u16 {
         let Some(status) = self.slave_status(nth) else { return 0 };
         let inputs = self.inputs_are(nth, &status);
@@ -49,7 +49,7 @@ impl EthercatState {
     /// The entries of 2180h and following.
     pub(super) fn status_number(&self, nth: usize, sub: usize) -> Option<u32> {
         let status = self.slave_status(nth);
-        // A device that there is not has never been heard of.
+        // A device that does not exist has never responded.
         let never = if sub == 1 { u32::MAX } else { 0 };
         let Some(status) = status else { return (sub <= 8).then_some(never) };
         Some(match sub {

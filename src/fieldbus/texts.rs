@@ -6,7 +6,7 @@ use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use ethercat_subdevice::diagnosis::{History, Severity, Text};
 
-/// The history, which the SubDevice and the port share.
+/// The history, shared by the SubDevice and the port.
 pub(super) type SharedHistory = Mutex<CriticalSectionRawMutex, RefCell<History>>;
 
 pub(super) const SILENT: Text = Text {
@@ -57,6 +57,6 @@ pub(super) const OTHER_MODULE: Text = Text {
     text: "Slot %d holds another module than is expected",
 };
 
-/// All of them, for the ESI file. Slaves count from 0, as in the names of their objects.
+/// All texts, for the ESI file. Slaves count from 0, as in the names of their objects.
 pub(super) const TEXTS: &[Text] =
     &[SILENT, BACK, EXCEPTION, REFUSED, NOT_KEPT, CONTROLLER_LOST, OTHER_MODULE];

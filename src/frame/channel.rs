@@ -49,12 +49,12 @@ impl Channel {
         });
     }
 
-    /// The first frame, if there is one.
+    /// The first frame, if any.
     pub fn try_receive<'p>(&self, pool: &'p FramePool<'p>) -> Option<Frame<'p>> {
         self.0.lock(|ends| ends.borrow_mut().take_first(pool))
     }
 
-    /// Drops all frames; nobody waits for them any more.
+    /// Drops all frames, which have no receiver any more.
     pub(crate) fn clear(&self, pool: &FramePool<'_>) {
         while self.try_receive(pool).is_some() {}
     }

@@ -1,4 +1,4 @@
-//! The envelope: everything the gateway knows of a frame besides its PDU, such as requester, unit, deadline and stage.
+//! The envelope: the properties of a frame besides its PDU, such as requester, unit, deadline and stage.
 
 use core::net::IpAddr;
 
@@ -6,7 +6,7 @@ use embassy_time::Instant;
 
 use crate::settings::{AddressRange, PortId, Priority, Sharing};
 
-/// What the gateway knows of a frame besides its PDU.
+/// The properties of a frame besides its PDU.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Envelope {
     /// The requester, to which the frame returns.
@@ -31,13 +31,13 @@ pub struct Envelope {
     pub received: Instant,
     /// The request must not be sent after this.
     pub deadline: Instant,
-    /// How often it has been repeated.
+    /// Number of repeats so far.
     pub repeats: u8,
     /// Whether the PDU is the request or its response.
     pub stage: Stage,
     /// Whether the response may be cut through.
     pub cut: bool,
-    /// The requester repeats and backs off by itself, so that no port does.
+    /// The requester repeats and backs off by itself, so ports do not.
     pub paced: bool,
     /// The cause of an exception from the gateway.
     pub cause: Cause,
@@ -63,25 +63,25 @@ pub enum Cause {
 pub struct Origin {
     /// The port that received the request.
     pub port: PortId,
-    /// Where the port sends the response.
+    /// The receiver of the response at the port.
     pub reply_to: ReplyTo,
     /// Number of the connection in its slot, or of the request on its line: a response to an earlier one must not reach its
     /// successor.
     pub generation: u16,
 }
 
-/// Where the response goes.
-// From 1 on, so that an empty envelope is 0 and a free slot all zeros, which take no flash on a board.
+/// The receiver of the response.
+// Starts at 1, so that an empty envelope is 0 and a free slot all zeros, which take no flash on a board.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 #[repr(u16)]
 pub enum ReplyTo {
     /// The TCP connection with this index.
     Connection(u16) = 1,
-    /// To the port itself: the master on its serial line.
+    /// The master on the port's serial line.
     Line,
     /// The port itself, which finds its request by `transaction`.
     Port,
-    /// The console, which sends requests past the rules.
+    /// The console, whose requests bypass the rules.
     Console,
     /// Nobody: a broadcast from a serial line.
     Nobody,
@@ -96,7 +96,7 @@ pub enum Stage {
     Responding,
     /// The PDU is the response.
     Response,
-    /// There is no response and will be none: a broadcast, or a discarded request.
+    /// There will be no response: a broadcast, or a discarded request.
     Silence,
 }
 

@@ -1,11 +1,11 @@
-//! Merged frames: requests linked to the one whose response serves them too.
+//! Merged frames: requests linked to the one whose response also serves them.
 
 use core::mem;
 
 use super::Frame;
 
 impl<'p> Frame<'p> {
-    /// Links `merged`, which must be in no channel, to this frame, in front of those already linked.
+    /// Links `merged`, which must be in no channel, to this frame, ahead of those already linked.
     pub fn merge(&self, merged: Frame<'p>) {
         let link = merged.index + 1;
         let behind = self.with(|slot| mem::replace(&mut slot.merged, link));

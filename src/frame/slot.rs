@@ -31,8 +31,8 @@ pub(super) struct SlotState {
     pub(super) length: u8,
     /// The final length of the PDU, or 0 while unknown.
     pub(super) expected: u8,
-    /// The CRC of unit and PDU while it is unchecked (for an ASCII frame, one that is right or wrong as its LRC is), and how many
-    /// bytes of it have arrived.
+    /// The CRC of unit and PDU while unchecked (for an ASCII frame, one that is right or wrong as its LRC is), and how many of its
+    /// bytes have arrived.
     pub(super) crc: [u8; 2],
     pub(super) crc_bytes: u8,
     /// Handles to this slot, including the writer's; 0: free.
@@ -83,7 +83,7 @@ impl SlotState {
         self.fill = Fill::Complete;
     }
 
-    /// How many bytes have arrived.
+    /// Number of bytes that have arrived.
     pub(super) fn arrived(&self) -> usize {
         let check = if self.fill == Fill::Complete { 0 } else { self.crc_bytes };
         usize::from(self.length) + usize::from(check)

@@ -1,10 +1,10 @@
-//! What a client-side port notes of the request it has on the wire.
+//! The client-side port's state of the request it has on the wire.
 
 use embassy_time::Instant;
 
 use crate::modbus::pdu::Block;
 
-/// What a client-side port notes of a transaction. Stored in the frame, as a port has only a few of the gateway's transactions.
+/// The client-side port's state of a transaction. Stored in the frame, as a port has only a few of the gateway's transactions.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Transaction {
     /// Whether it may change something in its unit.
@@ -15,7 +15,7 @@ pub(crate) struct Transaction {
     pub(crate) combined: Option<Block>,
     /// When it was sent.
     pub(crate) since: Instant,
-    /// How many writes had ended by then.
+    /// Number of writes that had ended by then.
     pub(crate) writes_ended: u16,
 }
 

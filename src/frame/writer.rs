@@ -1,9 +1,9 @@
-//! Filling a frame, possibly while others already read it.
+//! Fills a frame, possibly while others already read it.
 
 use super::{Fill, Frame, FrameFull, FramePool};
 use crate::modbus::PDU_BYTES_MAX;
 
-/// Fills a frame; dropped before [`FrameWriter::finish`] it marks the frame broken.
+/// Fills a frame; marks it broken if dropped before [`FrameWriter::finish`].
 pub struct FrameWriter<'p> {
     frame: Frame<'p>,
 }
@@ -26,7 +26,7 @@ impl<'p> FrameWriter<'p> {
         appended.flatten().ok_or(FrameFull)
     }
 
-    /// The PDU will have `length` bytes.
+    /// Announces that the PDU will have `length` bytes.
     pub fn expect(&mut self, length: usize) {
         self.frame.with(|slot| slot.expected = length.min(PDU_BYTES_MAX) as u8);
     }
@@ -42,7 +42,7 @@ impl<'p> FrameWriter<'p> {
         });
     }
 
-    /// Marks the frame complete and valid; returns whether it is still wanted or was [abandoned](Frame::abandon).
+    /// Marks the frame complete and valid; returns whether it is still wanted, and was not [abandoned](Frame::abandon).
     pub fn finish(self) -> bool {
         let finished = self.frame.with(|slot| {
             let wanted = slot.fill == Fill::Filling;
@@ -63,7 +63,7 @@ impl Drop for FrameWriter<'_> {
 }
 
 impl<'p> FramePool<'p> {
-    /// A frame for `owner`: its reserved one if that is free, else a shared one, else none.
+    /// A frame for `owner`: its reserved one if that is free, otherwise a shared one, otherwise `None`.
     pub fn take(&'p self, owner: usize) -> Option<(FrameWriter<'p>, Frame<'p>)> {
         let frame = self.claim(owner, None)?;
         Some((FrameWriter { frame: frame.share() }, frame))

@@ -1,4 +1,4 @@
-//! Puts settings in force: restarts what has changed, and leaves everything else running.
+//! Applies settings: restarts the ports that have changed, and leaves all others running.
 
 use embassy_time::Instant;
 
@@ -8,8 +8,8 @@ use super::{Gateway, Status};
 use crate::settings::{PORTS_MAX, PortId, SERVERS_MAX, Settings};
 
 impl Gateway<'_> {
-    /// Puts `new` in force. Rules and special units apply from the next request on; ports whose kind or settings differ are
-    /// restarted, the others keep running.
+    /// Applies `new`. Rules and special units take effect with the next request; ports whose kind or settings differ are restarted,
+    /// the others keep running.
     pub fn apply(&self, new: &Settings) -> Result<(), ApplyError> {
         self.check(new)?;
         let mut points = Reloaded::Nothing;

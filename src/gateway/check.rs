@@ -38,18 +38,18 @@ pub enum ApplyError {
     /// The board has no EtherCAT controller.
     #[error("this board has no EtherCAT controller: it cannot have an ethercat port")]
     NoEthercat,
-    /// The board has none, but can be one at a network interface.
+    /// The board has no controller, but can emulate one at a network interface.
     #[error(
         "there is no EtherCAT controller here; name the network interface to be a SubDevice at: interface eth1"
     )]
     NoInterface,
-    /// The board has one.
+    /// The board has a controller.
     #[error("the EtherCAT controller is wired to this board: there is no network interface to choose")]
     WiredController,
     /// The board has no memory for a capture.
     #[error("this board has no capture")]
     NoCapture,
-    /// The data points need more than there is.
+    /// The data points exceed the scanner's capacity.
     #[error(transparent)]
     Points(#[from] Full),
     /// The slaves of the EtherCAT port are invalid.
@@ -58,7 +58,7 @@ pub enum ApplyError {
 }
 
 impl ApplyError {
-    /// The word to blame in the line that needs what the board lacks; it may also come from another line.
+    /// The word to report in the line that needs what the board lacks; it may also come from another line.
     pub(crate) fn word<'s>(&self, settings: &'s Settings) -> &'s str {
         match self {
             Self::Network => "network",

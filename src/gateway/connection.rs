@@ -12,7 +12,7 @@ use super::shared::Shared;
 use crate::frame::Channel;
 use crate::settings::PortId;
 
-/// A slot for a TCP connection, as the tasks share it.
+/// The shared state of a TCP connection slot.
 pub struct Connection {
     /// Responses for the connection; only the router sends, only the connection receives.
     pub(crate) responses: Channel,
@@ -71,13 +71,13 @@ impl Connection {
         }
     }
 
-    /// Assigns the slot to `port`, or to none.
+    /// Assigns the slot to `port`, or unassigns it.
     pub(super) fn assign(&self, port: Option<PortId>) {
         self.update(|connection| connection.port = port);
         self.changed.signal(());
     }
 
-    /// The client.
+    /// The state of the slot's client.
     pub fn state(&self) -> ConnectionState {
         self.update(|state| *state)
     }

@@ -1,7 +1,7 @@
 //! Direct requests: a console's requests to a unit behind a port, past the rules. One at a time, served like any other.
 //!
-//! A console may also try other line settings on a serial client: its port restarts with them, and restarts with its own as soon
-//! as the console is done, for whatever reason.
+//! A console may also try other line settings on a serial client: its port restarts with them, and restarts with its own once the
+//! console is done, for whatever reason.
 
 use core::cell::Cell;
 use core::sync::atomic::Ordering;
@@ -25,7 +25,7 @@ const LIFETIME: Duration = Duration::from_secs(10);
 /// Longest wait for a response: as long as the largest response time-out allowed, in case the port has just been reconfigured.
 const PATIENCE: Duration = Duration::from_secs(120);
 
-/// How often a console looks for a free frame, and for how long.
+/// How often a console tries to get a free frame, and for how long.
 const FRAME_PAUSE: Duration = Duration::from_millis(10);
 const FRAME_PATIENCE: Duration = Duration::from_secs(1);
 
@@ -48,8 +48,8 @@ pub(crate) enum DirectRequestError {
     Broadcast,
 }
 
-/// A console's exclusive use of direct requests. When dropped, a port with trial settings gets its own back, and responses that
-/// still arrive are dropped.
+/// A console's exclusive use of direct requests. Dropping it restores the settings of a port on trial, and drops responses that
+/// still arrive.
 pub(crate) struct Turn<'t, 'g> {
     gateway: &'t Gateway<'g>,
     port: PortId,
@@ -98,8 +98,7 @@ impl Turn<'_, '_> {
         self.gateway.direct_request.outcome.lock(Cell::get)
     }
 
-    /// Sends `pdu` to `unit`, replaces it by the response, and returns the time that took. A unit that is down is asked all the
-    /// same.
+    /// Sends `pdu` to `unit`, replaces it by the response, and returns the time that took. Also asks a unit that is down.
     pub(crate) async fn ask(&self, unit: u8, pdu: &mut Pdu) -> Result<Duration, DirectRequestError> {
         let Self { gateway, port } = *self;
         let generation = gateway.direct_request.generation.fetch_add(1, Ordering::Relaxed).wrapping_add(1);
@@ -126,7 +125,7 @@ impl Turn<'_, '_> {
                 continue;
             }
             pdu.clear();
-            // Fits: it has room for every PDU.
+            // Fits: sized for any PDU.
             answered.pdu(|response| pdu.extend_from_slice(response).unwrap_or_default());
             return match envelope.stage {
                 Stage::Response => Ok(now.elapsed()),

@@ -1,4 +1,4 @@
-//! The gateway's EtherCAT side: the state shared with the SubDevice, and where its controller is.
+//! The gateway's EtherCAT part: the state shared with the SubDevice, and the location of its controller.
 
 use ethercat_subdevice::esc::EscError;
 
@@ -9,14 +9,14 @@ use crate::scanner::POINTS;
 use crate::settings::{InterfaceName, Settings};
 
 impl<'g> Gateway<'g> {
-    /// For boards with an EtherCAT controller, whose SubDevice has the objects of `port_state`.
+    /// For boards with an EtherCAT controller; `port_state` is shared with its SubDevice.
     #[must_use]
     pub const fn with_ethercat(mut self, port_state: &'g EthercatState) -> Self {
         self.ethercat = Some(port_state);
         self
     }
 
-    /// For boards without one, which become a SubDevice at a network interface named in the settings.
+    /// For boards without an EtherCAT controller, which become a SubDevice at a network interface named in the settings.
     #[must_use]
     pub const fn with_ethercat_interfaces(mut self, port_state: &'g EthercatState) -> Self {
         self.ethercat_interfaces = true;
@@ -33,23 +33,23 @@ impl<'g> Gateway<'g> {
         self.settings(|settings| settings.ethercat()?.interface.clone())
     }
 
-    /// Whether the settings ask for a modular SubDevice there.
+    /// Whether the settings ask for a modular SubDevice.
     pub fn ethercat_modules(&self) -> bool {
         self.settings(|settings| settings.ethercat().is_some_and(|port| port.modules))
     }
 
-    /// Waits until new settings that may change it are in force; one task may wait.
+    /// Waits until new settings that may change the interface are in force; one task may wait.
     pub async fn new_ethercat_interface(&self) {
         self.ethercat_changed.wait().await;
     }
 
-    /// The status of the EtherCAT controller that the board has or `settings` name.
+    /// The status of the EtherCAT controller, on the board or named by `settings`.
     pub(crate) fn ethercat_controller(&self, settings: &Settings) -> Option<Controller> {
         let led_to = !self.ethercat_interfaces || settings.ethercat().is_some();
         self.ethercat().filter(|_| led_to).map(EthercatState::controller)
     }
 
-    /// The EtherCAT part of putting `new` settings in force.
+    /// Applies the EtherCAT part of `new` settings.
     pub(super) fn follow_ethercat(&self, new: &Settings, other_slaves: bool) {
         let Some(ethercat) = self.ethercat() else { return };
         let before = ethercat.line_writer();
@@ -64,7 +64,7 @@ impl<'g> Gateway<'g> {
     }
 }
 
-/// The status of the controller's port.
+/// The controller's status as that of a port.
 impl From<Controller> for Status {
     fn from(controller: Controller) -> Self {
         match controller {

@@ -17,7 +17,7 @@ const READ_EXCEPTION: u8 = 0x01;
 const ABORT_EXCEPTION: u8 = 0x02;
 const BUSY_EXCEPTION: u8 = 0x04;
 const NAK_EXCEPTION: u8 = 0x08;
-/// Listen-only mode was on when a message was received, was entered, or communications were restarted.
+/// In listen-only mode: a message was received; the mode was entered; communications were restarted.
 const LISTENED: u8 = 0x20;
 const BEGAN_TO_LISTEN: u8 = 0x04;
 const RESTARTED: u8 = 0x00;
@@ -92,7 +92,7 @@ impl Events {
         if self.log.is_full() {
             self.log.pop_front();
         }
-        // There is room now.
+        // Room was made above.
         let _ = self.log.push_back(event);
     }
 

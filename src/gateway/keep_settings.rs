@@ -1,4 +1,4 @@
-//! Settings changed by a MainDevice: slaves, the line of the port, and saving.
+//! Settings changed by a MainDevice: slaves and the port's line; and saving on its request.
 
 use super::{Gateway, reconfigure};
 use crate::fieldbus::{EthercatState, Keep, Speed};
@@ -6,8 +6,8 @@ use crate::hal::Store;
 use crate::settings::{LineSettings, PortKind, SerialSettings};
 
 impl Gateway<'_> {
-    /// Saves the settings to `store` whenever a MainDevice asks for it (1010h, 1011h), for ever; returns if there is no
-    /// SubDevice. A board with an EtherCAT controller runs it once.
+    /// Saves the settings to `store` whenever a MainDevice requests it (1010h, 1011h), forever; returns if there is no SubDevice. A
+    /// board with an EtherCAT controller runs it once.
     pub async fn keep_settings(&self, store: &mut impl Store) {
         let Some(ethercat) = self.ethercat() else { return };
         loop {
@@ -26,7 +26,7 @@ impl Gateway<'_> {
         }
     }
 
-    /// Copies the configuration accepted from a MainDevice into the settings.
+    /// Copies the configuration applied by a MainDevice into the settings.
     pub(crate) fn adopt(&self, ethercat: &EthercatState) {
         if !ethercat.has_changed() {
             return;
@@ -40,7 +40,7 @@ impl Gateway<'_> {
         }
     }
 
-    /// Sets the line of the EtherCAT port to what the MainDevice wants.
+    /// Sets the line of the EtherCAT port as requested by the MainDevice.
     fn set_speed(&self, speed: Speed) {
         let changed = self.change_settings(|settings| {
             let id = settings.ethercat_line()?;

@@ -32,11 +32,11 @@ pub const DIAGNOSTIC_PROOF: [u8; 3] = [DIAGNOSTICS, 0, 0];
 /// The unit ids of a port, as a bit map of 32-bit words.
 const UNIT_WORDS: usize = 8;
 
-/// What responses to a request look like, as far as that distinguishes them from others.
+/// The properties of responses to a request, as far as they distinguish them from others.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Shape {
     function: u8,
-    /// The byte count of a read, or a checksum of the fields that the response repeats; none where only the function is known.
+    /// The byte count of a read, or a checksum of the fields that the response repeats; `None` if only the function is known.
     key: Option<u16>,
 }
 
@@ -46,7 +46,7 @@ impl Shape {
         let key = match (Form::of(request), request) {
             (Some(Form::Read(cells)), &[_, _, _, high, low])
             | (Some(Form::ReadWrite { read: cells, .. }), &[_, _, _, high, low, ..]) => {
-                // A request that passed its check asks for no more than one byte can count.
+                // A valid request asks for no more than one byte can count.
                 Some(cells.bytes(u16::from_be_bytes([high, low])) as u16)
             }
             _ => repeated(request),
@@ -78,7 +78,7 @@ fn function(pdu: &[u8]) -> u8 {
 fn repeated(pdu: &[u8]) -> Option<u16> {
     let fields = match (Form::of(pdu), pdu) {
         (Some(Form::Diagnostics), [_, 0, 0, ..]) | (Some(Form::WriteFile), _) => Some(pdu),
-        // The data of other sub-functions is up to the device.
+        // Other sub-functions have device-specific data.
         (Some(Form::Diagnostics), [_, _, _, ..]) => pdu.get(..3),
         _ => confirmation(pdu),
     };
@@ -107,23 +107,23 @@ struct Entry {
     shape: Shape,
 }
 
-/// Which request a response belongs to.
+/// The request that a response belongs to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Match {
-    /// Only to the latest one, whose response may be the expected one.
+    /// Only the latest one, whose response may be the expected one.
     Latest(Purpose),
-    /// Only to an earlier one.
+    /// Only an earlier one.
     Earlier(Purpose),
-    /// To one of several.
+    /// One of several.
     Several,
-    /// To none.
+    /// None.
     Unsolicited,
 }
 
-/// What a response reveals.
+/// The result of matching a response.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Settled {
-    /// Which request it belongs to.
+    /// The request it belongs to.
     pub whose: Match,
     /// A proof by function 8 was sent before that request and has not been answered.
     pub passed_diagnostic: bool,
@@ -141,7 +141,7 @@ pub struct Outstanding {
 }
 
 impl Outstanding {
-    /// Nothing outstanding.
+    /// Without outstanding requests.
     pub const fn new() -> Self {
         Self { entries: Vec::new(), forgotten: [[0; UNIT_WORDS]; PORTS_MAX], number: None }
     }
@@ -188,19 +188,19 @@ impl Outstanding {
         [function, high, low, number_high, number_low]
     }
 
-    /// A request of this `shape` is being sent.
+    /// Records that a request of this `shape` is being sent.
     pub fn sent(&mut self, port: u8, unit: u8, shape: Shape, purpose: Purpose) {
         self.make_room(port, unit);
-        // There is room now.
+        // Room was made above.
         let _ = self.entries.push(Entry { port, unit, purpose, shape });
     }
 
-    /// An unsolicited `response` arrived; others like it may follow.
+    /// Records an unsolicited `response`; others like it may follow.
     fn note_unsolicited(&mut self, port: u8, unit: u8, response: &[u8]) {
         self.make_room(port, unit);
         let at = self.of(port, unit).next().map_or(self.entries.len(), |(at, _)| at);
         let shape = Shape::of_response(response);
-        // There is room now.
+        // Room was made above.
         let _ = self.entries.insert(at, Entry { port, unit, purpose: Purpose::Unsolicited, shape });
     }
 
@@ -215,7 +215,7 @@ impl Outstanding {
         }
     }
 
-    /// Forgets what is outstanding at `unit`: it may be anything.
+    /// Forgets the shapes of requests outstanding at `unit`: they may be anything.
     pub fn forget(&mut self, port: u8, unit: u8) {
         self.settle_all(port, unit);
         if let Some(word) = self.word(port, unit) {
@@ -223,7 +223,7 @@ impl Outstanding {
         }
     }
 
-    /// Nothing is outstanding at `unit` any more.
+    /// Settles everything outstanding at `unit`.
     pub fn settle_all(&mut self, port: u8, unit: u8) {
         self.entries.retain(|entry| entry.unit != unit || entry.port != port);
         if let Some(word) = self.word(port, unit) {
@@ -243,7 +243,7 @@ impl Outstanding {
         diagnostics
     }
 
-    /// `unit` has sent a valid `response`.
+    /// Matches a valid `response` from `unit`.
     pub fn match_response(&mut self, port: u8, unit: u8, response: &[u8]) -> Settled {
         let Some(Fitting { at, entry, several, latest }) = self.fitting(port, unit, response) else {
             let forgotten = self.has_forgotten(port, unit);
@@ -257,7 +257,7 @@ impl Outstanding {
         // Its number distinguishes it from everything that has been forgotten.
         let has_number = is_diagnostic && !is_exception(response);
         if self.has_forgotten(port, unit) && !has_number {
-            // If it belongs to the latest request, those before it will not be answered any more.
+            // If it belongs to the latest request, earlier ones will not be answered any more.
             let mut before = self.of(port, unit).rev().skip(1);
             let passed_diagnostic = before.any(|(_, entry)| entry.purpose == Purpose::Diagnostic);
             return Settled { whose: Match::Several, passed_diagnostic, is_diagnostic };
@@ -270,10 +270,10 @@ impl Outstanding {
         if !is_proof(response) {
             return Settled { whose, passed_diagnostic: false, is_diagnostic };
         }
-        // What came unsolicited may come again.
+        // An unsolicited response may be repeated.
         let settled = if entry.purpose == Purpose::Unsolicited { at.checked_sub(1) } else { Some(at) };
         let passed_diagnostic = settled.is_some_and(|last| self.settle(port, unit, last));
-        // Everything forgotten was sent before this.
+        // Everything forgotten was sent earlier.
         if let Some(word) = self.word(port, unit) {
             *word &= !(1 << (unit % 32));
         }

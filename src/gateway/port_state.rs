@@ -166,13 +166,13 @@ impl<'g> PortAt<'g> {
         self.units.lock(|units| f(&mut units.borrow_mut().of(self.id)))
     }
 
-    /// Something other than the expected response of `unit` was received.
+    /// Records that something other than the expected response of `unit` was received.
     pub(crate) fn disturbed(&self, unit: u8, event: Event) {
         self.stats.count(event);
         self.units(|units| units.error(unit, event));
     }
 
-    /// The response of `unit` was corrupt, by `error`.
+    /// Records that the response of `unit` was corrupt, by `error`.
     pub(crate) fn corrupt(&self, unit: u8, error: Event) {
         self.stats.count(Event::Corrupt);
         // Already counted by the line.
@@ -182,7 +182,7 @@ impl<'g> PortAt<'g> {
         self.units(|units| units.corrupt(unit, error));
     }
 
-    /// `unit` responded `took` after the end of the request.
+    /// Records that `unit` responded `took` after the end of the request.
     pub(crate) fn answered(&self, unit: u8, took: Duration, exception: bool) {
         self.units(|units| units.answered(unit, took, exception));
         self.stats.count(Event::Response);
@@ -191,7 +191,7 @@ impl<'g> PortAt<'g> {
         }
     }
 
-    /// `unit` did not respond: see [`Units::timed_out`].
+    /// Records that `unit` did not respond: see [`Units::timed_out`].
     pub(crate) fn timed_out(&self, unit: u8, down_after: u8) {
         self.stats.count(Event::Timeout);
         if self.units(|units| units.timed_out(unit, Instant::now(), down_after)) {

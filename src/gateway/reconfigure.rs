@@ -1,7 +1,7 @@
-//! Changes of the settings: by a line, or by loading from a store.
+//! Changes of the settings: by a line, or by loading them from a store.
 //!
-//! Settings are large, so all consoles share one draft. Whoever changes, saves or loads holds it exclusively meanwhile, and the
-//! gateway applies it only if all of it is valid.
+//! Settings are large, so all consoles share one draft. A change, save or load locks it exclusively, and the gateway applies it
+//! only if all of it is valid.
 
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::mutex::MutexGuard;
@@ -15,7 +15,7 @@ use crate::language;
 use crate::language::{LineError, LoadError, WORD_BYTES_MAX, Warning};
 use crate::settings::Settings;
 
-/// Why the settings stay as they were.
+/// Why the settings did not change.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum Unchanged {
     /// The line is invalid.
@@ -56,7 +56,7 @@ impl Refused {
     }
 }
 
-/// Locks the draft, with whatever it holds.
+/// Locks the draft, whatever its content.
 pub async fn draft<'s>(gateway: &'s Gateway<'_>) -> MutexGuard<'s, CriticalSectionRawMutex, Settings> {
     gateway.draft.lock().await
 }
@@ -74,11 +74,11 @@ pub async fn change(gateway: &Gateway<'_>, line: &str) -> Result<Option<Warning>
     Ok(applied.warning)
 }
 
-/// Writes the settings to `store`; `whatever`: even if somebody else has changed the text there.
+/// Writes the settings to `store`; `whatever`: even if the text there was changed by others.
 pub async fn save(gateway: &Gateway<'_>, store: &mut impl Store, whatever: bool) -> Result<(), StoreError> {
     let mut draft = draft(gateway).await;
     gateway.settings(|settings| draft.clone_from(settings));
-    // Changes made while writing are not in the text.
+    // Changes during the write are not saved.
     let unsaved = gateway.set_unsaved(false);
     store.overwrite(whatever);
     let saved = saved::write_store(&draft, store).await;
@@ -106,7 +106,7 @@ pub async fn read(
     draft: &mut Settings,
 ) -> Result<usize, Unchanged> {
     let mut error = None;
-    // Only the sum of all lines can be checked. If the board lacks something, read again to find the line.
+    // Only the complete settings can be checked. If the board lacks something, the text is read again to find the line.
     loop {
         let mut refused = None;
         let mut look = |number, line: &str, settings: &Settings| {

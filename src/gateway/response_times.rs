@@ -1,7 +1,7 @@
 //! Response times: a small histogram with logarithmic classes, from which percentiles are estimated.
 //!
-//! A class is a factor of 2^(2/3) wide and percentiles are interpolated, so they are accurate to about a quarter. When a class is
-//! full all are halved, so old responses fade. At 20 bytes, every unit can have one.
+//! Class limits grow by a factor of 2^(2/3), and percentiles are interpolated, so they are accurate to about a quarter. When a
+//! class is full all are halved, so old responses fade. It takes only 20 bytes, so every unit has one.
 
 /// Upper limits of the classes in microseconds, except the last, which has none: half a millisecond to two seconds.
 const ENDS_US: [u32; CLASSES - 1] = [
@@ -15,7 +15,7 @@ const CLASSES: usize = 20;
 pub struct ResponseTimes([u8; CLASSES]);
 
 impl ResponseTimes {
-    /// No responses.
+    /// An empty histogram.
     pub const fn new() -> Self {
         Self([0; CLASSES])
     }
@@ -24,7 +24,7 @@ impl ResponseTimes {
     pub fn add(&mut self, took_us: u32) {
         let class = ENDS_US.partition_point(|end| *end < took_us);
         if self.0.get(class) == Some(&u8::MAX) {
-            // Rounded up, so that a class that was used does not vanish at once.
+            // Rounded up, so that a class in use does not vanish at once.
             self.0.iter_mut().for_each(|count| *count = count.div_ceil(2));
         }
         if let Some(count) = self.0.get_mut(class) {

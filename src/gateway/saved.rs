@@ -21,8 +21,8 @@ pub enum ReadError {
     Text(#[from] LoadError),
 }
 
-/// Reads the text in `store` into `settings`, which are invalid after an error; returns its length, 0 if nothing is saved. `look`
-/// is called after each line.
+/// Reads the text in `store` into `settings`, which are invalid after an error; returns its length, 0 if nothing is saved. Calls
+/// `look` after each line.
 pub async fn read_store<'s>(
     store: &mut impl Store,
     settings: &'s mut Settings,
@@ -47,7 +47,7 @@ pub async fn read_store<'s>(
 pub async fn write_store(settings: &Settings, store: &mut impl Store) -> Result<(), StoreError> {
     let mut line = String::<{ LINE_BYTES_MAX + 1 }>::new();
     let mut n = 0;
-    // Empty settings are stored as one empty line, to distinguish them from no settings.
+    // Empty settings are stored as one empty line, to distinguish them from missing settings.
     loop {
         let more = write_line(settings, n, &mut line).is_some();
         if more || n == 0 {

@@ -1,9 +1,9 @@
-//! How connections to outside servers share sockets when there are more servers than sockets: the servers of one port share the
-//! port's, and those of all ports the board's.
+//! Shares sockets among connections to outside servers when there are more servers than sockets: within a port among its servers,
+//! and on the board among all ports.
 //!
-//! A connection without a socket asks for one. The connection that has been idle longest is closed for it; if none is idle, a
-//! retry that no request waits for is abandoned; if all are busy, the one opened first takes no new requests and closes once its
-//! open requests have ended. So all servers get their turn, and an unreachable server holds no socket while it backs off.
+//! A connection without a socket requests one. The connection that has been idle longest is closed for it; if none is idle, a retry
+//! that no request waits for is abandoned; if all are busy, the one opened first takes no new requests and closes once its open
+//! requests have ended. So all servers get their turn, and an unreachable server holds no socket while it backs off.
 
 use core::cell::Cell;
 
@@ -23,7 +23,7 @@ pub(crate) struct Socket {
     pub(crate) freed: Signal<CriticalSectionRawMutex, ()>,
 }
 
-/// What a socket is used for. Of those that may be closed, the lowest is closed first.
+/// The present use of a socket. Of those that may be closed, the lowest is closed first.
 // `None` is 0, so that the initial state is all zeros, which take no flash on a board.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Use {
@@ -37,7 +37,7 @@ enum Use {
     Busy,
 }
 
-/// What a socket is needed for.
+/// Why a socket is needed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Need {
     /// A request is waiting.
@@ -79,19 +79,19 @@ impl State {
 }
 
 impl Socket {
-    /// Not connected.
+    /// An unconnected socket.
     pub(crate) const fn new() -> Self {
         Self { state: Mutex::new(Cell::new(State::NONE)), leave: Signal::new(), freed: Signal::new() }
     }
 
-    /// A connection is being opened; `retry`: not for a request.
+    /// Records that a connection is being opened; `retry`: not for a request.
     pub(crate) fn opening(&self, retry: bool) {
         self.leave.reset();
         let used_for = if retry { Use::Retry } else { Use::None };
         self.set(State { used_for, opened: Instant::now(), ..State::NONE });
     }
 
-    /// The connection is open.
+    /// Records that the connection is open.
     pub(crate) fn opened(&self) {
         let now = Instant::now();
         self.leave.reset();
@@ -114,7 +114,7 @@ impl Socket {
         self.state().leaving
     }
 
-    /// The connection has been closed; returns the port and connection waiting for the socket.
+    /// Records that the connection was closed; returns the port and connection waiting for the socket.
     pub(crate) fn closed(&self) -> Option<(PortId, u8)> {
         let wanted_by = self.state().wanted_by;
         self.set(State::NONE);

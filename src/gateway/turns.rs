@@ -1,4 +1,4 @@
-//! Turns for connections whose requests are refused: one after another, for the whole gateway.
+//! Turns for connections whose requests are refused: one at a time, for the whole gateway.
 
 use core::cell::Cell;
 
@@ -13,12 +13,12 @@ const TURN: Duration = Duration::from_millis(2);
 pub(crate) struct Turns(Mutex<CriticalSectionRawMutex, Cell<Instant>>);
 
 impl Turns {
-    /// Nobody is waiting.
+    /// Without waiting connections.
     pub(crate) const fn new() -> Self {
         Self(Mutex::new(Cell::new(Instant::MIN)))
     }
 
-    /// The next turn: `now` if nobody is waiting.
+    /// The next turn: `now` if no connection is waiting.
     pub(crate) fn take(&self, now: Instant) -> Instant {
         self.0.lock(|next| {
             let turn = next.get().max(now);

@@ -1,10 +1,10 @@
 //! The health of the units behind a client-side port. Pure, with time as a value.
 //!
 //! A unit that may still respond to earlier requests is *out of step* ([`outstanding`](crate::gateway::outstanding)):
-//! [`Units::step`] tells whether a request may be sent as it is, or which proof goes first. A unit that left several requests in
-//! a row without response is *down*: its requests fail at once, except for a probe after 1, 2, 4 ... 30 s, so that a dead unit
-//! does not slow the others. Unanswered proofs back off likewise. A unit that refused a combined read, or did not respond to it,
-//! gets no combined reads for a while.
+//! [`Units::step`] tells whether a request may be sent as it is, or which proof goes first. A unit that left several requests in a
+//! row without response is *down*: its requests fail at once, except for a probe after 1, 2, 4 ... 30 s, so that a dead unit does
+//! not slow the others. Unanswered proofs back off likewise. For a unit that refused a combined read, or did not respond to it,
+//! reads are not combined for a while.
 
 mod in_step;
 mod unit;
@@ -33,8 +33,8 @@ pub enum Ready {
     Elsewhere,
 }
 
-/// Units stored per port: as many as servers, and more than an RS-485 segment can carry. The least active healthy one is
-/// forgotten for a new one. The feature `small` stores fewer.
+/// Units stored per port: as many as servers, and more than an RS-485 segment can have. When full, the least active healthy one is
+/// forgotten. The feature `small` stores fewer.
 pub const UNITS_MAX: usize = if cfg!(feature = "small") { 16 } else { 64 };
 /// Units stored for all ports together, since few ports use their maximum: see [`AllUnits`].
 pub const ALL_UNITS_MAX: usize = if cfg!(feature = "small") { 48 } else { 256 };
@@ -86,8 +86,8 @@ pub enum State {
 
 /// The units of all ports, in one array, grouped by port.
 ///
-/// When it is full, the least active healthy unit of the port with the most units is forgotten, so no port takes the slots of
-/// those with few.
+/// When it is full, the least active healthy unit of the port with the most units is forgotten, so that no port displaces the units
+/// of ports with few.
 pub struct AllUnits {
     /// Port by port, each in order of first request.
     units: Vec<Unit, ALL_UNITS_MAX>,
@@ -115,7 +115,7 @@ impl List {
 }
 
 impl AllUnits {
-    /// No units.
+    /// Without units.
     pub const fn new() -> Self {
         Self { units: Vec::new(), ports: [List::EMPTY; PORTS_MAX], outstanding: Outstanding::new() }
     }
@@ -208,7 +208,7 @@ impl Units<'_> {
         }
     }
 
-    /// When a requester with its own back-off may ask `id`, even if it is down: as soon as no late response can arrive.
+    /// When a requester with its own back-off may ask `id`, even if it is down: once no late response can arrive.
     pub fn attempt(&self, id: u8, now: Instant) -> Ready {
         match self.find(id) {
             Some(unit) if unit.waited && unit.held_until > now => Ready::At(unit.held_until),
@@ -216,7 +216,7 @@ impl Units<'_> {
         }
     }
 
-    /// Whether a unit may be held or down. Usually none is, which saves looking at each.
+    /// Whether a unit may be held or down. Usually none is, which avoids checking each.
     pub fn needs_check(&self) -> bool {
         self.list().needs_check
     }
@@ -243,14 +243,14 @@ impl Units<'_> {
         self.find(id).is_none_or(|unit| unit.combine_after <= now)
     }
 
-    /// `id` refused a combined read.
+    /// Records that `id` refused a combined read.
     pub fn refused_combined(&mut self, id: u8, now: Instant) {
         if let Some(unit) = self.entry(id) {
             unit.combine_after = now + COMBINE_PAUSE;
         }
     }
 
-    /// A request is sent to `id`.
+    /// Records that a request is sent to `id`.
     pub fn asked(&mut self, id: u8) {
         if let Some(unit) = self.entry(id) {
             unit.requests = unit.requests.wrapping_add(1);
@@ -258,7 +258,7 @@ impl Units<'_> {
         }
     }
 
-    /// `id` responded `took` after the end of the request.
+    /// Records that `id` responded `took` after the end of the request.
     pub fn answered(&mut self, id: u8, took: Duration, exception: bool) {
         if let Some(unit) = self.entry(id) {
             unit.responses = unit.responses.wrapping_add(1);
@@ -287,7 +287,7 @@ impl Units<'_> {
         }
     }
 
-    /// `id` responded, so it is alive, but the response was corrupt by `error`.
+    /// Records that `id` responded, so it is alive, but the response was corrupt by `error`.
     pub fn corrupt(&mut self, id: u8, error: Event) {
         self.timed_out_while_frozen(id);
         if let Some(unit) = self.entry(id) {
@@ -297,8 +297,8 @@ impl Units<'_> {
         }
     }
 
-    /// `id` did not respond; after `down_after` times in a row (0: never) it is down. Returns whether nothing at all was
-    /// received.
+    /// Records that `id` did not respond; after `down_after` times in a row (0: never) it is down. Returns whether nothing at all
+    /// was received.
     pub fn timed_out(&mut self, id: u8, now: Instant, down_after: u8) -> bool {
         self.set_needs_check(true);
         self.timed_out_while_frozen(id);
@@ -315,7 +315,7 @@ impl Units<'_> {
         silent
     }
 
-    /// Nothing is learned, so it is unknown what `id` may still respond to.
+    /// While frozen nothing is recorded, so it is unknown what `id` may still respond to.
     fn timed_out_while_frozen(&mut self, id: u8) {
         if self.list().frozen {
             self.sent_in_part(id);

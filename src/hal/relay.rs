@@ -1,19 +1,19 @@
-//! A relay: the rest of an RTU frame that is being cut through once its length is known. Each received character is sent at once.
+//! A relay: the rest of an RTU frame being cut through, once its length is known. Each received character is sent at once.
 //!
 //! That is simple enough for a board to do in its receive interrupt, without a task: see
 //! [`SerialLine::relay`](crate::hal::SerialLine::relay).
 
-/// What remains to be relayed.
+/// The remainder to be relayed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Relay {
     /// Characters still to arrive.
     left: u32,
-    /// Bits to change in the first half of the CRC, where the unit id is translated.
+    /// Bits to change in the first half of the CRC, if the unit id is translated.
     delta: u8,
 }
 
 impl Relay {
-    /// Nothing is left.
+    /// Nothing left.
     pub const OVER: Self = Self { left: 0, delta: 0 };
 
     /// A frame with `left` characters to come, including its CRC, whose first half changes by the bits of `delta`.
@@ -21,8 +21,8 @@ impl Relay {
         Self { left, delta }
     }
 
-    /// Consumes a received character, and returns what to send at once. The last character is left to the tasks, which know by
-    /// then whether the frame is valid.
+    /// Consumes a received character, and returns the one to send at once. The last character is left to the tasks, which by then
+    /// know whether the frame is valid.
     #[inline]
     pub const fn step(&mut self, received: u8) -> Option<u8> {
         self.left = self.left.saturating_sub(1);
@@ -39,7 +39,7 @@ impl Relay {
         self.left == 0
     }
 
-    /// How many of the characters left in `before` have been sent.
+    /// Number of characters left in `before` that have been sent since.
     pub(crate) fn sent_since(&self, before: &Self) -> usize {
         before.left.saturating_sub(self.left.max(1)) as usize
     }

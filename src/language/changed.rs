@@ -1,8 +1,8 @@
-//! What a line changed.
+//! The effect of a line on the settings.
 
 use crate::settings::PortId;
 
-/// What a line changed.
+/// The effect of a line on the settings.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Changed {
     Nothing,

@@ -1,4 +1,4 @@
-//! What the lines of settings do, verb by verb.
+//! Executes the lines of settings, verb by verb.
 
 use core::mem::discriminant;
 use core::num::NonZeroU16;
@@ -20,7 +20,7 @@ use crate::settings::{
 /// Executes the words after a verb.
 pub(crate) type Change = fn(&mut Settings, &Words<'_>) -> Result<Changed, Wrong>;
 
-/// Stands in for a verb that the image lacks.
+/// Replaces the function of a verb that the image lacks.
 pub(crate) fn absent(_: &mut Settings, _: &Words<'_>) -> Result<Changed, Wrong> {
     Ok(Changed::Nothing)
 }
@@ -49,7 +49,7 @@ pub(crate) fn option_words(each: &mut dyn FnMut(&'static str)) {
     if SERVERS {
         servers::keywords(each);
     }
-    // Not keywords of lines that are refused.
+    // Without points these lines are refused, so they offer no keywords.
     if POINTS {
         point_words::keywords(each);
         slaves::keywords(each);
@@ -83,7 +83,7 @@ pub(crate) fn port(settings: &mut Settings, words: &Words<'_>) -> Result<Changed
     )
 }
 
-/// Why a gateway cannot have a port of kind `own` beside the `other`, called `name`.
+/// Why port kind `own` cannot coexist with the port `other`, called `name`.
 fn conflict(own: &PortKind, other: &PortKind, name: &Name) -> Option<Problem> {
     match (own, other) {
         (PortKind::Serial(own), PortKind::Serial(other)) if own.device == other.device => {
@@ -185,7 +185,7 @@ enum Thing {
     Slaves,
 }
 
-/// What can be deleted.
+/// Deletable items.
 const THINGS: &[(&str, Thing)] = &[
     ("port", Thing::Port),
     ("server", Thing::Server),
@@ -199,7 +199,7 @@ const THINGS: &[(&str, Thing)] = &[
 const THINGS_EXPECTED: &str = listed!(THINGS);
 const ROUTE: (&str, Thing) = ("route", Thing::Route);
 
-/// The keywords for what can be deleted.
+/// The keywords of deletable items.
 pub(crate) fn things() -> impl Iterator<Item = &'static str> {
     THINGS.iter().map(|(word, _)| *word)
 }

@@ -16,10 +16,10 @@ use crate::settings::{
     ServerAddress, Side, Special, StreamFraming, TcpListen, Time,
 };
 
-/// What happens to a newcomer when all connections are taken.
+/// How a newcomer is handled when all connections are taken.
 const FULL: &[(&str, bool); 2] = &[("displace", false), ("refuse", true)];
 
-/// An integer setting: what it counts, and its limits.
+/// An integer setting: its name in errors, and its limits.
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) struct Count(pub(crate) &'static str, pub(crate) RangeInclusive<u32>);
 
@@ -34,15 +34,15 @@ pub(crate) enum Field<'s> {
     Stream(&'s mut StreamFraming, StreamFraming),
     Flag(&'s mut bool, bool),
     Time(&'s mut Duration, &'static RangeInclusive<Duration>),
-    /// None: as in the specification, or taken from another setting.
+    /// `None`: as in the specification, or taken from another setting.
     AutoTime(&'s mut Option<Duration>, &'static RangeInclusive<Duration>),
     /// Zero (never) is allowed besides the range.
     Idle(&'s mut Duration, &'static RangeInclusive<Duration>),
     Small(&'s mut u8, &'static Count),
     Medium(&'s mut u16, &'static Count),
-    /// None: the unit given by the rule.
+    /// `None`: the unit given by the rule.
     Unit(&'s mut Option<u8>, &'static Count),
-    /// None: the station alias in the EEPROM.
+    /// `None`: the station alias in the EEPROM.
     Id(&'s mut Option<u16>, &'static Count),
     Baud(&'s mut u32, &'static RangeInclusive<u32>),
     Format(&'s mut LineSettings),

@@ -1,4 +1,4 @@
-//! The keywords of a table as an error names them: "port, route or mdns". Made at build time, so that no list is written twice.
+//! The keywords of a table as listed in errors: "port, route or mdns". Generated at build time from the table.
 
 /// The text for a table of keywords with their values.
 macro_rules! listed {
@@ -12,7 +12,7 @@ macro_rules! listed {
 }
 pub(crate) use listed;
 
-/// What stands between two keywords of which so many follow.
+/// The separator between two keywords, with `rest` keywords left.
 const fn between(rest: usize) -> &'static [u8] {
     if rest == 1 { b" or " } else { b", " }
 }
@@ -44,7 +44,7 @@ pub(crate) const fn list<const N: usize, T>(mut table: &[(&str, T)]) -> [u8; N] 
     text
 }
 
-/// Copies `from` to the beginning of `into`; gives the rest of that.
+/// Copies `from` to the start of `into`; returns the rest of `into`.
 const fn copy<'i>(from: &[u8], into: &'i mut [u8]) -> &'i mut [u8] {
     let Some((place, rest)) = into.split_at_mut_checked(from.len()) else { return &mut [] };
     place.copy_from_slice(from);

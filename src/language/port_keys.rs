@@ -1,9 +1,9 @@
-//! The settings that keywords of port lines name.
+//! The settings behind the keywords of port lines.
 
 use super::field::Field;
 use crate::settings::{Driver, Framing, Side, StreamFraming, UnitPolicy};
 
-/// What a keyword of a port line sets.
+/// The setting that a keyword of a port line changes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Key {
     Device,

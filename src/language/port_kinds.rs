@@ -1,4 +1,4 @@
-//! The kinds of port in port lines: how each begins, which keywords follow, what they set and what an error lists.
+//! The kinds of port in port lines: the start of the line, the keywords and their settings, and the list for errors.
 
 use core::fmt::{self, Display, Write};
 
@@ -41,12 +41,12 @@ const MEDIA: [(&str, Medium); 5] = [
 const SIDES: &[(&str, Side)] =
     &[("server", Side::Server), ("slave", Side::Server), ("client", Side::Client), ("master", Side::Client)];
 
-/// Whether a port's kind stands where its name belongs.
+/// Whether the word is a kind of port where the port's name is expected.
 pub(crate) fn is_kind(word: Word) -> bool {
     word.lookup(&MEDIA).is_some()
 }
 
-/// Keywords with their keys, in printing order, and how an error lists them.
+/// Keywords with their keys, in printing order, and their list for errors.
 type Keywords = (Keys, &'static str);
 
 const SERIAL: Keywords = (
@@ -172,7 +172,7 @@ pub(crate) fn new_port<'a>(words: &'a Words) -> Result<(PortKind, Word<'a>), Wro
         Medium::Serial => Side::Client,
     };
     if SERVERS && matches!((medium, side), (Medium::Tcp, Side::Client)) {
-        // A keyword is no server's name.
+        // A keyword is not a server's name.
         let next = words.peek();
         if next.is_end() || next.lookup(TCP_CLIENT.0).is_some() {
             return Ok((PortKind::TcpClient(TcpClientSettings::new(None)), word));
@@ -188,7 +188,7 @@ pub(crate) fn new_port<'a>(words: &'a Words) -> Result<(PortKind, Word<'a>), Wro
             PortKind::TcpClient(TcpClientSettings::new(Some(server_address(endpoint)?)))
         }
         (Medium::Udp, _) => PortKind::UdpServer(UdpServerSettings::new(listen(endpoint)?)),
-        // What sets something in a serial line is no device's name.
+        // A keyword or number of a serial line is not a device name.
         _ if endpoint.lookup(SERIAL.0).is_some() || parse_number(endpoint.text).is_some() => {
             let device_first =
                 "the device, which comes first: port NAME serial DEVICE rtu|ascii client|server";
@@ -205,7 +205,7 @@ pub(crate) fn keywords(each: &mut dyn FnMut(&'static str)) {
     let tables = [SERIAL.0, TCP_SERVER.0, TCP_CLIENT.0, UDP_SERVER.0, ETHERCAT.0, UNIT_KEYS];
     for (nth, table) in tables.into_iter().enumerate() {
         for &(keyword, _) in table {
-            // Several ports have a `timeout`: it is one keyword.
+            // Several kinds have a `timeout`: it is offered once.
             let is_known = |earlier: Keys| earlier.iter().any(|(known, _)| *known == keyword);
             if !tables.into_iter().take(nth).any(is_known) {
                 each(keyword);
@@ -214,11 +214,11 @@ pub(crate) fn keywords(each: &mut dyn FnMut(&'static str)) {
     }
 }
 
-/// Takes a port's role, where it is, and how its line or stream is set.
+/// Receives a port's role, its device or address, and the settings of its line or stream.
 type Description<'d> = dyn FnMut(&dyn Display, &dyn Display, &dyn Display) + 'd;
 
 impl PortKind {
-    /// The keywords of this kind of port, and how an error lists them.
+    /// The keywords of this kind of port, and their list for errors.
     pub(crate) const fn words(&self) -> Keywords {
         match self {
             Self::Serial(_) => SERIAL,
@@ -230,7 +230,7 @@ impl PortKind {
         }
     }
 
-    /// The field that `key` sets; none if this kind of port has no such setting.
+    /// The field that `key` sets; `None` if this kind of port has no such setting.
     pub(crate) fn field(&mut self, key: Key) -> Option<Field<'_>> {
         match self {
             Self::Serial(settings) => settings.field(key),
@@ -242,7 +242,7 @@ impl PortKind {
         }
     }
 
-    /// Writes how the port's line begins, behind its name.
+    /// Writes the start of the port's line, after its name.
     pub(crate) fn write_begin(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Serial(SerialSettings { device, framing, side, line, .. }) => {
@@ -259,7 +259,7 @@ impl PortKind {
         }
     }
 
-    /// Describes the port to `show`.
+    /// Passes a description of the port to `show`.
     pub(crate) fn describe(&self, show: &mut Description<'_>) {
         match self {
             Self::Serial(SerialSettings { device, framing, side, line, .. }) => {
@@ -279,7 +279,7 @@ impl PortKind {
         }
     }
 
-    /// The same port with default settings; a serial one with the same framing and side.
+    /// The same port with default settings, except for a serial port's framing and side.
     pub(crate) fn plain(&self) -> Self {
         match self {
             Self::Serial(SerialSettings { device, framing, side, .. }) => {
@@ -384,7 +384,7 @@ impl UdpServerSettings {
 impl EthercatSettings {
     fn field(&mut self, key: Key) -> Option<Field<'_>> {
         Some(match key {
-            // Its keywords are known with points only.
+            // Its keywords exist only in images with points.
             _ if !POINTS => return None,
             Key::Interface => Field::Interface(&mut self.interface),
             Key::Line => Field::Line(&mut self.line),

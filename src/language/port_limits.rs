@@ -16,7 +16,7 @@ type Times = RangeInclusive<Duration>;
 
 pub(super) const BAUD: RangeInclusive<u32> = 1..=10_000_000;
 
-/// A gap above a second would make any line useless; 0 is for lines that need none.
+/// A longer gap would make any line useless; 0 is for lines that need none.
 pub(super) const SECOND: Times = up_to(1);
 
 pub(super) const TEN_SECONDS: Times = up_to(10);

@@ -1,4 +1,4 @@
-//! Values that only ports have: devices, formats, servers, prefix lists, and the meaning of unit ids.
+//! Values only used by ports: devices, formats, servers, prefix lists, and the meaning of unit ids.
 
 use heapless::{String, Vec};
 
@@ -9,7 +9,7 @@ use crate::settings::{
     RESERVED_MAX, SERVERS, ServerAddress, ServerName, Special,
 };
 
-/// Contains the limit.
+/// The text contains the limit.
 const DEVICE_EXPECTED: &str = match DEVICE_BYTES_MAX {
     255 => "a serial device such as uart1 or /dev/ttyUSB0, at most 255 characters",
     15 => "a serial device such as uart1, at most 15 characters",
@@ -52,7 +52,7 @@ pub(crate) fn format(word: Word) -> Result<(u8, Parity, u8), Wrong> {
     parsed.ok_or_else(|| word.expected("a format such as 8E1, 7E1, 8N1 or 8N2"))
 }
 
-/// Contains the limits.
+/// The accepted forms depend on the feature.
 const SERVER_EXPECTED: &str = match SERVERS {
     true => "the address of a server such as 192.168.1.20 or 192.168.1.20:502, or its name",
     false => "the address of a server such as 192.168.1.20 or 192.168.1.20:502",

@@ -1,7 +1,7 @@
 //! The line of a port: `serial uart1 rtu client 19200 8E1 timeout 300ms`, `tcp server 502 clients 16`.
 //!
-//! A [`Draft`] starts from the defaults or from the port as it is, reads keywords in any order, and is checked at the end of the
-//! line. A setting that the port cannot use is refused, so none is accepted and ignored.
+//! A [`Draft`] starts from the defaults or from the existing port, reads keywords in any order, and is checked at the end of the
+//! line. A setting that the port cannot use is refused rather than accepted and ignored.
 
 use super::field::Field;
 use super::point_problem::PointProblem;
@@ -15,19 +15,19 @@ use crate::settings::{
     SerialSettings, Side, StreamFraming, TcpClientSettings, TcpServerSettings, UnitPolicy,
 };
 
-/// A port's settings while its line is read.
+/// A port's settings while its line is parsed.
 pub(crate) struct Draft<'a> {
     pub(crate) kind: PortKind,
     /// The meaning of special unit ids.
     pub(crate) units: UnitPolicy,
-    /// The word with the device or the listening address, or else the first of the line: blamed when that is taken.
+    /// The word with the device or the listening address, or else the first of the line: reported if that is taken.
     pub(crate) endpoint: Word<'a>,
     /// Bits of [`Key`].
     seen: u64,
     blamed: Blamed<'a>,
 }
 
-/// The last word of each sort, to be blamed by checks over the whole line.
+/// The last word of each sort, for errors of checks over the whole line.
 #[derive(Default)]
 struct Blamed<'a>([Option<Word<'a>>; SORTS]);
 
@@ -116,7 +116,7 @@ impl<'a> Draft<'a> {
         Ok(draft)
     }
 
-    /// Parses the rest of the line. A line that has not set anything is incomplete.
+    /// Parses the rest of the line. A line without settings is incomplete.
     fn read(
         kind: PortKind,
         units: UnitPolicy,
@@ -167,8 +167,8 @@ impl<'a> Draft<'a> {
         word.lookup(UNIT_KEYS).map_or_else(|| word.keyword(keys, expected), Ok)
     }
 
-    /// Checks combinations after the last word: what the port cannot use is refused if the line sets it, and reset if it was set
-    /// before.
+    /// Checks combinations after the last word: a setting that the port cannot use is refused if it is in this line, and reset if
+    /// it was set before.
     fn check(&mut self) -> Result<(), Wrong> {
         let Self { kind, units, blamed, .. } = self;
         if kind.side() == Side::Client {

@@ -20,7 +20,7 @@ pub const SPEED_BYTES_MAX: usize = 16;
 
 /// Writes line `n` (from 0) of the settings, without line end; `None` after the last line.
 ///
-/// A line has every value that differs from its default, and always the baud rate and format.
+/// A line contains every value that differs from its default, and always the baud rate and format.
 pub fn write_line(settings: &Settings, n: usize, out: &mut dyn Write) -> Option<fmt::Result> {
     let n = match &settings.network {
         Some(network) if n == 0 => return Some(write!(out, "network {network}")),

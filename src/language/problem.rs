@@ -11,7 +11,7 @@ use super::point_problem::PointProblem;
 use crate::scanner::POINTS;
 use crate::settings::{LINE_BYTES_MAX, Name, PORTS_MAX, ROUTES_MAX, Rules, Time, UnitRange};
 
-/// Bytes of a wrong word that an error keeps.
+/// Bytes of a wrong word that an error stores.
 pub const WORD_BYTES_MAX: usize = 32;
 
 /// The error of a line that changed nothing.
@@ -46,7 +46,7 @@ impl fmt::Display for LineError {
 
 impl core::error::Error for LineError {}
 
-/// Truncates a word for an error, where the column still identifies it.
+/// Truncates a word for an error, which also has its column.
 pub(crate) fn cut(text: &str) -> String<WORD_BYTES_MAX> {
     let mut word = String::new();
     for character in text.chars() {
@@ -63,7 +63,7 @@ pub enum Problem {
     /// Something else is expected.
     #[error("expected {expected}{}", Suggestion(*near))]
     Expected {
-        /// What is expected.
+        /// The expected words.
         expected: &'static str,
         /// A keyword that differs by one letter.
         near: Option<&'static str>,
@@ -89,7 +89,7 @@ pub enum Problem {
         /// Longest.
         high: Duration,
     },
-    /// A word of the line stands where a name belongs, which was left out.
+    /// A word of the line is in the place of a name, which is missing.
     #[error("was taken as {0}")]
     TakenAs(&'static str),
     /// The line sets the same thing twice.
@@ -198,7 +198,7 @@ pub enum Problem {
     TagOutside {
         /// A unit of the rule.
         unit: u8,
-        /// What it would become.
+        /// The resulting unit.
         target: i16,
     },
     /// A rule from a port to itself.
@@ -214,7 +214,7 @@ const fn outside(target: i16) -> &'static str {
     if target == 0 { "a broadcast to all units" } else { "but units are 1 to 247, or 255" }
 }
 
-/// Without points there are no such problems, so the image need not contain their texts.
+/// Images without points have no such problems, and need not contain their texts.
 fn fmt_points(problem: &PointProblem, f: &mut fmt::Formatter<'_>) -> fmt::Result {
     if POINTS { fmt::Display::fmt(problem, f) } else { fmt::Display::fmt(&Problem::NoPoints, f) }
 }
@@ -243,7 +243,7 @@ pub enum Warning {
     NeverMatch {
         /// The rules.
         rules: Rules,
-        /// The rules above that match all their requests; none: their units have another meaning at their port.
+        /// The rules above that match all their requests; empty if their units have another meaning at their port.
         takers: Rules,
     },
     /// Units that a rule sends to a port without a server for them.
@@ -255,11 +255,11 @@ pub enum Warning {
         /// The port.
         port: Name,
     },
-    /// A request that a rule sends to one of the gateway's own servers, and that reaches the same rule again, for ever.
+    /// A request that a rule sends to one of the gateway's own servers, and that reaches the same rule again, endlessly.
     Circle {
         /// The rule.
         rule: Rules,
-        /// A unit for which that is the case.
+        /// A unit for which that happens.
         unit: u8,
         /// The server.
         port: Name,

@@ -9,7 +9,7 @@ use super::words::{Word, Words, Wrong};
 use crate::scanner::Kind;
 use crate::settings::{PROOFS_MAX, Proof, Proofs};
 
-/// Contains the limit.
+/// The text contains the limit.
 const PROOFS_EXPECTED: &str = match PROOFS_MAX {
     2 => "proofs for at most 2 ranges of units",
     4 => "proofs for at most 4 ranges of units",

@@ -10,7 +10,7 @@ use crate::settings::{
     ServerAddress, Settings, Special, StreamFraming, TcpClientSettings, UnitRange,
 };
 
-/// Hops along which a request is followed; bounds circles that shift the unit.
+/// Most hops along which a request is followed; bounds loops that shift the unit.
 const HOPS_MAX: usize = 16;
 
 impl Settings {
@@ -33,7 +33,7 @@ impl Settings {
         Some(Warning::Circle { rule: rules, unit, port: self.port(server)?.name.clone() })
     }
 
-    /// A warning when the rule at index `n` keeps rules below it from matching.
+    /// A warning if the rule at index `n` prevents rules below it from matching.
     pub(crate) fn shadow_warning(&self, n: usize) -> Option<Warning> {
         let (mut rules, mut takers) = (Rules::default(), Rules::default());
         for below in n + 1..self.routes.len() {
@@ -64,8 +64,8 @@ fn gap_warning(port: &Port) -> Option<Warning> {
     (gap < t3_5).then(|| Warning::GapBelowSpecification { port: port.name.clone(), gap, t3_5 })
 }
 
-/// The rules above rule `n` that match all its requests; an empty set when its units have another meaning at its port. None when
-/// requests reach it, or it is the return path of another rule.
+/// The rules above rule `n` that match all its requests; empty if its units have another meaning at its port. `None` if requests
+/// reach it, or it is the return path of another rule.
 fn never_matches(settings: &Settings, n: usize) -> Option<Rules> {
     let rule = settings.routes.get(n).filter(|rule| !is_implied(settings, rule))?;
     takers(settings, n, |above| match (above.peer, rule.peer) {
@@ -90,12 +90,12 @@ fn no_server(settings: &Settings, n: usize) -> Option<(u8, PortId)> {
     targets.find(|unit| !has_server(unit)).map(|unit| (unit, client))
 }
 
-/// The gateway's TCP server through which requests sent by rule `n` return to that rule for ever, and a unit for which they do,
-/// if any.
+/// The gateway's TCP server through which requests sent by rule `n` return to that rule forever, and a unit for which they do, if
+/// any.
 fn comes_back(settings: &Settings, n: usize) -> Option<(PortId, u8)> {
     let rule = settings.routes.get(n)?;
     let Destination::Port(client) = rule.destination else { return None };
-    // Usually false, which ends the check.
+    // Usually false, which avoids the costly check.
     leads_back(settings, client).then_some(())?;
     let returns = |unit: &u8| {
         let start = (n, *unit);
@@ -107,7 +107,7 @@ fn comes_back(settings: &Settings, n: usize) -> Option<(PortId, u8)> {
     Some((server, unit))
 }
 
-/// The rule that a request reaches next, and the unit, when rule `n` has sent it on for `unit`.
+/// The next rule that a request reaches, and its unit there, after rule `n` has forwarded it for `unit`.
 fn next(settings: &Settings, n: usize, unit: u8) -> Option<(usize, u8)> {
     let rule = settings.routes.get(n)?;
     let Destination::Port(client) = rule.destination else { return None };
@@ -132,8 +132,8 @@ fn leads_back(settings: &Settings, client: PortId) -> bool {
     server.iter().chain(others).any(|at| own_server(settings, at, *framing).is_some())
 }
 
-/// Where a request to `unit` goes that the port `client` sends to the gateway itself: the unit id there, the server, and the
-/// client's address as far as the settings tell; the host may have other addresses.
+/// The destination of a request to `unit` that the port `client` sends to the gateway itself: the unit id there, the server, and
+/// the client's address as far as the settings tell; the host may have other addresses.
 fn hop(settings: &Settings, client: PortId, unit: u8) -> Option<(u8, PortId, IpAddr)> {
     let Some(PortKind::TcpClient(settings_of_client)) = settings.port(client).map(|port| &port.kind) else {
         return None;

@@ -139,7 +139,7 @@ const KEYS: &[(&str, Key)] = &[
 const DESTINATIONS: &[(&str, Destination)] =
     &[("local", Destination::Local), ("discard", Destination::Discard), ("nopath", Destination::NoPath)];
 
-/// The value without a meaning is followed by a number.
+/// The entry without a value is followed by a number.
 const MERGES: &[(&str, Option<Merge>)] = &[
     ("on", Some(Merge::Identical)),
     ("off", Some(Merge::Off)),
@@ -183,7 +183,7 @@ fn options(words: &Words) -> Result<Policy, Wrong> {
             Key::Cache => policy.sharing.cache_ms = cache(words.take())?,
             Key::Cut => policy.cut = words.take().keyword(CUTS, "auto, on or off")?,
         }
-        // Three of the keywords set the same thing.
+        // Three keywords set the functions.
         let thing = if matches!(key, Key::ReadOnly | Key::All) { Key::Functions } else { key };
         if seen & 1 << thing as u8 != 0 {
             return Err(word.error(Problem::Twice));

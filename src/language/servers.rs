@@ -14,7 +14,7 @@ use crate::settings::{
     PORT_SERVERS_MAX, PortId, PortKind, SERVERS_MAX, ServerSettings, Settings, Tag, UnitRange,
 };
 
-/// Calls `each` with the keywords that only these lines have.
+/// Calls `each` with the keywords that only these lines use.
 pub(crate) fn keywords(each: &mut dyn FnMut(&'static str)) {
     ["at", "tag"].into_iter().for_each(each);
 }
@@ -47,7 +47,7 @@ pub(crate) fn server(settings: &mut Settings, words: &Words) -> Result<Changed, 
         words.take().keyword(&[("tag", ())], "tag or the end of the line")?;
         let word = words.take();
         tag = route_words::tag(word, units)?;
-        // Otherwise two units would become one, or one unit all.
+        // Otherwise several units would become one, or one unit a broadcast.
         let one_by_one = units.first == units.last || !matches!(tag, Tag::Set(_));
         if tag != Tag::Keep && (units.first == 0 || !one_by_one) {
             return Err(word.expected("* or a shift for several units, and * for unit 0"));

@@ -1,6 +1,6 @@
 //! The Modbus devices of the EtherCAT process image: `slave 0 unit 232 coil 10 count 18 holding 40010 count 4 as f32 read 1s`.
 //!
-//! They are in the order of their values in the image. A MainDevice's configuration changes them as these lines do.
+//! Their order is that of their values in the image. A MainDevice's configuration changes the same settings.
 
 use core::fmt::{self, Display};
 
@@ -41,7 +41,7 @@ const EXPECTED: &str = "coil, discrete, input, holding, order, read, check or on
 const ON_SILENCE: &[(&str, OnSilence)] =
     &[("hold", OnSilence::Hold), ("clear", OnSilence::Clear), ("substitute", OnSilence::Substitute)];
 
-/// Calls `each` with the keywords that only these lines have.
+/// Calls `each` with the keywords that only these lines use.
 pub(crate) fn keywords(each: &mut dyn FnMut(&'static str)) {
     ["on-silence", "substitute"].into_iter().for_each(each);
 }
@@ -61,7 +61,7 @@ pub(crate) fn slave(settings: &mut Settings, words: &Words) -> Result<Changed, W
     while !words.peek().is_end() {
         let word = words.take();
         let key = word.keyword(KEYS, EXPECTED)?;
-        // There are eight, and none is repeated.
+        // There are eight keys, and none is repeated.
         if seen.contains(&key) || seen.push(key).is_err() {
             return Err(word.error(Problem::Twice));
         }
@@ -75,7 +75,7 @@ pub(crate) fn slave(settings: &mut Settings, words: &Words) -> Result<Changed, W
     }
     match settings.slaves.get_mut(index as usize) {
         Some(old) => *old = slave,
-        // The number was checked.
+        // Within the capacity: the number was checked.
         None => drop(settings.slaves.push(slave)),
     }
     Ok(Changed::Other)

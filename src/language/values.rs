@@ -1,4 +1,4 @@
-//! Values in a line: numbers, times, names, addresses.
+//! Parses values in a line: numbers, times, names, addresses.
 
 use core::fmt;
 use core::net::{IpAddr, SocketAddr};
@@ -87,7 +87,7 @@ pub(crate) fn parse_number(text: &str) -> Option<u32> {
     digits(text).and_then(|number| u32::try_from(number).ok())
 }
 
-/// Words that the destination column of a rule takes for something other than a port.
+/// Words with another meaning in the destination column of a rule.
 const RESERVED_NAMES: [&str; 3] = ["local", "discard", "nopath"];
 
 /// Whether `word` may be a name. Names start with a letter, so that a bare number in a rule can mean a TCP port.
@@ -162,7 +162,7 @@ pub(crate) fn port_number(text: &str) -> Option<u16> {
     parse_number(text).and_then(|port| u16::try_from(port).ok()).filter(|&port| port != 0)
 }
 
-/// Where a server listens: `502`, `127.0.0.1:5020`, `[::1]:502`.
+/// The listening address of a server: `502`, `127.0.0.1:5020`, `[::1]:502`.
 pub(crate) fn listen(word: Word) -> Result<TcpListen, Wrong> {
     parse_listen(word.text)
         .ok_or_else(|| word.expected("a TCP port from 1 to 65535, or ADDRESS:PORT such as 127.0.0.1:5020"))

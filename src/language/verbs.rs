@@ -1,6 +1,6 @@
-//! Verbs: the words that begin a line, with their help and completion.
+//! Verbs: the first words of lines, with their help and completion.
 //!
-//! A verb is declared once, in a table: [`VERBS`] has those of the settings, the console has its own.
+//! A verb is declared once, in a table: [`VERBS`] contains those of the settings; the console has its own table.
 
 use super::changes::{self, Change, option_words};
 use super::{mdns, own_network, point_words, servers, slaves};
@@ -17,7 +17,7 @@ pub(crate) struct Verb<Run> {
     pub(crate) second: &'static [Offer],
     /// Completions for later words.
     pub(crate) later: &'static [Offer],
-    /// The feature missing from the image, if any: the verb is refused.
+    /// The feature missing from the image, if any; the verb is then refused.
     pub(crate) lacks: Option<Lack>,
     pub(crate) run: Run,
 }
@@ -28,7 +28,7 @@ pub(crate) type Verbs<Run> = &'static [(&'static str, Verb<Run>)];
 /// Completions for a word.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Offer {
-    /// These.
+    /// These words.
     Words(&'static [&'static str]),
     /// The words passed on by this function.
     Each(fn(&mut dyn FnMut(&'static str))),
@@ -58,7 +58,7 @@ impl<Run: Copy> Verb<Run> {
         Self { second, later, ..self }
     }
 
-    /// Replaces the verb by `absent` where there are no data points, so that its text and code are left out of the image.
+    /// Replaces the verb by `absent` in images without data points, so that its text and code are left out.
     pub(crate) const fn of_points(self, absent: Run) -> Self {
         match POINTS {
             true => self,

@@ -1,6 +1,6 @@
 //! The words of a line, with their columns for errors.
 //!
-//! Blanks, tabs and commas separate words; `#` at the start of a word begins a comment. Commas are noted, since a list
+//! Blanks, tabs and commas separate words; `#` at the start of a word begins a comment. Commas are recorded, since a list
 //! (`functions 3,4,16`) continues as long as there are commas.
 
 use core::cell::Cell;
@@ -12,7 +12,7 @@ use super::problem::{LineError, Problem, WORD_BYTES_MAX, cut};
 /// One word, or the end of the line when `text` is empty.
 #[derive(Clone, Copy)]
 pub(crate) struct Word<'a> {
-    /// The word as it stands in the line.
+    /// The word as written in the line.
     pub(crate) text: &'a str,
     /// Where it starts, in characters from 1.
     pub(crate) column: usize,
@@ -21,11 +21,11 @@ pub(crate) struct Word<'a> {
     wrong: &'a Cell<Option<LineError>>,
 }
 
-/// The keywords of a table by index: tables have values of many types.
+/// The keywords of a table by index, independent of the type of its values.
 pub(crate) type Keywords<'t> = &'t dyn Fn(usize) -> Option<&'static str>;
 
-/// A word is wrong; [`Words::wrong`] has the details. Nearly every parsing function may fail, and errors pass through many of
-/// them, so this is empty.
+/// A word is wrong; [`Words::wrong`] has the details. Empty, since nearly every parsing function may fail, and errors pass through
+/// many of them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Wrong;
 
@@ -51,7 +51,7 @@ impl Word<'_> {
         table.get(place).map(|&(_, value)| value)
     }
 
-    /// The value of this keyword in `table`; the error says what was `expected` and the nearest keyword.
+    /// The value of this keyword in `table`; the error reports what was `expected` and the nearest keyword.
     pub(crate) fn keyword<T: Copy>(
         &self,
         table: &[(&'static str, T)],
@@ -65,7 +65,7 @@ impl Word<'_> {
         (0..).map_while(keywords).position(|keyword| self.is(keyword))
     }
 
-    /// The error that this is none of the keywords, with the nearest one, or what `elsewhere` has for the word.
+    /// The error that this is none of the keywords, with the nearest one, or the equivalent in `elsewhere`.
     pub(crate) fn unknown(
         &self,
         keywords: Keywords,
@@ -89,7 +89,7 @@ impl Word<'_> {
     }
 }
 
-/// Reads a line word by word, and keeps its error.
+/// Parses a line word by word, and stores its error.
 pub(crate) struct Words<'a> {
     rest: Cell<&'a str>,
     column: Cell<usize>,
@@ -97,7 +97,7 @@ pub(crate) struct Words<'a> {
 }
 
 impl<'a> Words<'a> {
-    /// At the start of `line`.
+    /// Starts at the first word of `line`.
     pub(crate) fn new(line: &'a str) -> Self {
         Self { rest: Cell::new(line), column: Cell::new(1), wrong: Cell::new(None) }
     }
@@ -183,7 +183,7 @@ fn is_separator(byte: u8) -> bool {
 
 /// Whether `typed` is `keyword` with one letter wrong, missing or added, or two neighbours swapped.
 fn is_near(typed: &str, keyword: &str) -> bool {
-    // One or two letters are close to everything.
+    // One or two letters resemble everything.
     if typed.len() < 3 {
         return false;
     }

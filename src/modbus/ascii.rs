@@ -1,7 +1,7 @@
 //! ASCII framing: `:`, two hexadecimal digits for each byte of unit, PDU and LRC, carriage return, line feed.
 //!
-//! Clauses are those of Modbus over Serial Line V1.02. Frames are delimited by characters, so the [`Decoder`] takes one at a time
-//! and needs no clock; its caller calls [`Decoder::clear`] when a character is overdue.
+//! Clauses are those of Modbus over Serial Line V1.02. Frames are delimited by characters, so the [`Decoder`] takes one character
+//! at a time and needs no clock; its caller calls [`Decoder::clear`] when a character is overdue.
 
 use super::{PDU_BYTES_MAX, PduLength, crc::lrc};
 
@@ -129,7 +129,7 @@ impl Decoder {
         self.state = State::Outside;
     }
 
-    /// Whether a frame has begun and not ended: only then can a character be overdue.
+    /// Whether a frame has begun and not ended; only then can a character be overdue.
     pub fn in_frame(&self) -> bool {
         self.state != State::Outside
     }

@@ -1,7 +1,7 @@
 //! Corrects the CRC of a frame whose unit id is translated during cut-through, before the frame has been validated.
 //!
 //! Computing a new CRC would make a corrupt frame valid. But CRCs are linear: with another unit id, the CRC changes by the CRC of
-//! the difference, that is of `in ^ out` followed by zeros, with an initial register of zero. So a valid frame stays valid, and a
+//! the difference, which is `in ^ out` followed by zeros, with an initial register of zero. So a valid frame stays valid, and a
 //! corrupt one stays corrupt in the same bits.
 
 use crc::Digest;
@@ -13,21 +13,21 @@ use super::crc::MODBUS;
 pub struct CrcDelta(Digest<'static, u16>);
 
 impl CrcDelta {
-    /// After the unit id, which is translated from `from` to `to`.
+    /// The change after the unit id, which is translated from `from` to `to`.
     pub fn new(from: u8, to: u8) -> Self {
         let mut register = MODBUS.digest_with_initial(0);
         register.update(&[from ^ to]);
         Self(register)
     }
 
-    /// After `count` more characters, which are sent unchanged.
+    /// Advances by `count` more characters, which are sent unchanged.
     pub fn pass(&mut self, count: usize) {
         if !self.is_none() {
             (0..count).for_each(|_| self.0.update(&[0]));
         }
     }
 
-    /// Whether the CRC is unchanged, and stays so.
+    /// Whether the CRC is unchanged, and will stay so.
     fn is_none(&self) -> bool {
         self.0.clone().finalize() == 0
     }

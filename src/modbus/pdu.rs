@@ -1,6 +1,6 @@
 //! The PDU, common to all framings: validity of requests, length of responses, and whether a response matches its request.
 //!
-//! Everything operates on PDUs, whose byte 0 is the function code. No state is kept, and no function code is refused as unknown:
+//! Everything operates on PDUs, whose byte 0 is the function code. There is no state, and no function code is refused as unknown:
 //! the public codes only serve to find the end of a response early and to check that it matches. Clauses are those of the
 //! Application Protocol V1.1b3.
 

@@ -1,8 +1,8 @@
 //! RTU framing: unit, PDU, CRC, ended by silence; and the search for a response in the bytes received.
 //!
-//! A client calls [`response`] after every read, with all bytes since the request: a response whose length is known is complete
-//! at its last byte. When the line has been silent for t3.5 the client calls [`response_at_silence`], which also accepts
-//! responses that only silence ends, and classifies everything else.
+//! A client calls [`response`] after every read, with all bytes since the request: a response whose length is known is complete at
+//! its last byte. When the line has been silent for t3.5 the client calls [`response_at_silence`], which also accepts responses
+//! that only silence ends, and classifies everything else.
 
 use super::crc::{MODBUS, crc16};
 use super::pdu::{EXCEPTION_BIT, Misfit, ResponseLength, fits, response_length};
@@ -85,7 +85,7 @@ pub(crate) fn end_of(pdu: &[u8], received: &[u8]) -> usize {
     before + pdu.len() + OVERHEAD_BYTES - 1
 }
 
-/// What [`response`] found.
+/// The result of [`response`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Received<'a> {
     /// The response's PDU: unit, function, length and CRC are right, and it matches the request.
@@ -94,7 +94,7 @@ pub enum Received<'a> {
     Partial,
 }
 
-/// What [`response_at_silence`] found.
+/// The result of [`response_at_silence`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum AtSilence<'a> {
     /// The response's PDU: the CRC is right, and it matches the request.
@@ -113,9 +113,9 @@ pub enum AtSilence<'a> {
 
 /// Searches all bytes `received` since the request for the response of `unit` to `request`.
 ///
-/// Bytes before and after the response are skipped, as drivers make noise when they switch the line. The first position at which
-/// a response can begin has precedence until it has proved wrong, so that data that looks like a frame is not taken for one. The
-/// result does not depend on how reads split the bytes: what is found in some bytes is also found when more follow. The CRC is
+/// Bytes before and after the response are skipped, as drivers generate noise when they switch the line. The first position at
+/// which a response can begin has precedence until it proves wrong, so that data that looks like a frame is not taken for one. The
+/// result does not depend on how reads split the bytes: a response found in some bytes is also found when more follow. The CRC is
 /// computed only where unit, function and length are right.
 pub fn response<'a>(unit: u8, request: &[u8], received: &'a [u8]) -> Received<'a> {
     for start in starts(unit, request, received) {
@@ -132,10 +132,10 @@ pub fn response<'a>(unit: u8, request: &[u8], received: &'a [u8]) -> Received<'a
     Received::Partial
 }
 
-/// Judges all bytes `received` since the request, when the line has fallen silent.
+/// Classifies all bytes `received` since the request, once the line is silent.
 ///
-/// A frame that covers all bytes is judged first. Otherwise the response may be surrounded by noise, as in [`response`]; one that
-/// only silence ends must reach to the end.
+/// A frame that covers all bytes is checked first. Otherwise the response may be surrounded by noise, as in [`response`]; one that
+/// only silence ends must extend to the end.
 pub fn response_at_silence<'a>(unit: u8, request: &[u8], received: &'a [u8]) -> AtSilence<'a> {
     if let Ok((from, pdu)) = decode(received) {
         return match fits(request, pdu) {
@@ -173,7 +173,7 @@ fn starts<'a>(unit: u8, request: &[u8], received: &'a [u8]) -> impl Iterator<Ite
     })
 }
 
-/// What the bytes from a possible start can be.
+/// Possible meanings of the bytes from a possible start.
 enum Candidate<'a> {
     /// A frame of the expected length; bytes after it are cut off.
     Whole(&'a [u8]),

@@ -23,7 +23,7 @@ pub struct Header {
     pub unit: u8,
 }
 
-/// What is at the front of the bytes received.
+/// The item at the front of the bytes received.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Parsed<'a> {
     /// The beginning of a frame: more bytes are needed.
@@ -44,7 +44,7 @@ pub enum Parsed<'a> {
     },
 }
 
-/// Why a stream cannot be followed any further: the connection must be closed, since nothing marks the next frame.
+/// Why a stream cannot be decoded any further: the connection must be closed, since nothing marks the next frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum MbapError {
     /// An invalid length field; 2 to 254 are valid.

@@ -25,11 +25,11 @@ const RECEIVE_BYTES_MAX: usize =
     if cfg!(feature = "small") { rtu::FRAME_BYTES_MAX * 3 / 2 } else { rtu::FRAME_BYTES_MAX * 2 };
 /// A line that accepts no bytes for this long beyond their time on the wire is lost.
 const STUCK: Duration = Duration::from_secs(2);
-/// The line is gone and must be reopened.
+/// The line is lost and must be reopened.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct LineLost;
 
-/// The echo differs from the frame sent: somebody else was sending too.
+/// The echo differs from the frame sent: another device was sending too.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Collision;
 
@@ -40,7 +40,7 @@ pub(crate) struct Line<'s, L> {
     /// How far reads may lag behind the wire on this board.
     pub(crate) jitter: Duration,
     pub(crate) stats: &'s Counters,
-    /// The last known activity, by anybody.
+    /// The last known activity of any device.
     pub(crate) active: Instant,
     received: [u8; RECEIVE_BYTES_MAX],
     length: usize,
@@ -133,13 +133,13 @@ impl<'s, L: SerialLine> Line<'s, L> {
         self.flaws.framing = self.flaws.framing.saturating_add(framing);
     }
 
-    /// When the line will have been silent for the gap.
+    /// When the line has been silent for the gap.
     pub(crate) fn silent_at(&self) -> Instant {
         self.active + self.settings.gap()
     }
 
-    /// When `silence` after the last byte may be over. While the board relays, it watches for the silence and wakes the reader
-    /// then, except for a silence that began before the relay did: that one is timed here.
+    /// When `silence` after the last byte may be over. While the board relays, it detects the silence and wakes the reader then,
+    /// except for a silence that began before the relay: that one is timed here.
     pub(crate) fn quiet_at(&self, silence: Duration) -> Instant {
         let end = self.active + silence;
         match self.is_relayed() {
@@ -167,7 +167,7 @@ impl<'s, L: SerialLine> Line<'s, L> {
                     self.begun = begun;
                     self.pause = begun.saturating_duration_since(before);
                 }
-                // A late read makes the begin seem late, never early, so the earliest estimate is best.
+                // A late read makes the start seem late, never early, so the earliest estimate is best.
                 self.begun = self.begun.min(begun);
                 self.length += count;
                 Ok(())
@@ -175,7 +175,8 @@ impl<'s, L: SerialLine> Line<'s, L> {
         }
     }
 
-    /// Lets characters accumulate until `until`, where the board prefers that to reading each one. Returns whether that time has
+    /// Lets characters accumulate until `until`, if the board prefers that to reading each one. Returns whether that time has
+    /// passed without a read.
     /// passed without a read.
     pub(crate) fn rest(&mut self, until: Instant) -> impl Future<Output = bool> {
         self.io.rest(until)
@@ -244,7 +245,8 @@ impl<'s, L: SerialLine> Line<'s, L> {
         count
     }
 
-    /// Whether the board is relaying what this line receives: then it watches for silence here, and `read` returns what has
+    /// Whether the board is relaying what this line receives: then the board detects silence, and `read` returns what has arrived
+    /// once the line is silent.
     /// arrived once the line is silent.
     pub(crate) fn is_relayed(&self) -> bool {
         self.io.is_relayed()

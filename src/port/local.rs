@@ -58,11 +58,11 @@ pub(crate) fn respond(gateway: &Gateway<'_>, frame: Frame<'_>) {
 /// Writes the response to `request`.
 fn by_function(gateway: &Gateway<'_>, envelope: &Envelope, request: &[u8], response: &mut Pdu) -> Answered {
     match *request {
-        // A character used inside frames cannot end them.
+        // A character that occurs inside frames cannot end them.
         [DIAGNOSTICS, 0, 3, b'0'..=b'9' | b'A'..=b'F' | b':' | b'\r', 0] if on_ascii(gateway, envelope) => {
             Err(Exception::ILLEGAL_VALUE)
         }
-        // The serial port changes the character itself, after sending this response.
+        // The serial port changes the delimiter itself, after sending this response.
         [DIAGNOSTICS, 0, 3, _, 0] if on_ascii(gateway, envelope) => put(response, &[request]),
         [DIAGNOSTICS, high, low, ref data @ ..] => diagnostics::respond(
             gateway,
@@ -86,7 +86,7 @@ fn by_function(gateway: &Gateway<'_>, envelope: &Envelope, request: &[u8], respo
     }
 }
 
-/// Reads and writes of the local points, and of the table of the gateway's state behind them.
+/// Reads and writes the local points, and otherwise the table of the gateway's state.
 fn from_tables(gateway: &Gateway<'_>, request: &[u8], response: &mut Pdu) -> Answered {
     match from_points(gateway, request) {
         Ok(of_points) => put(response, &[&of_points]),

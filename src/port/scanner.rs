@@ -67,7 +67,7 @@ impl Port<'_, '_> {
         self.ethercat.map(EthercatState::requests)
     }
 
-    /// Polls the devices, for ever.
+    /// Polls the devices forever.
     async fn run(&self) {
         self.port_state.set_status(self.status);
         loop {
@@ -135,7 +135,7 @@ impl Port<'_, '_> {
         Some((request.device.0.into(), request.unit, request.pdu))
     }
 
-    /// Passes the outcome of a request to whoever sent it.
+    /// Passes the outcome of a request to its sender.
     fn take(&self, frame: &Frame<'_>) {
         let Envelope { transaction, stage, cause, .. } = frame.envelope();
         let device = DeviceId(transaction as u8);
@@ -177,7 +177,7 @@ impl Port<'_, '_> {
         frame.pdu(response);
     }
 
-    /// Passes the outcome of a request to the scanner, and its consequence for the device to the MainDevice.
+    /// Passes the outcome of a request to the scanner, and the resulting change of the device's status to the MainDevice.
     fn answered(&self, device: DeviceId, now: Instant, outcome: Result<&[u8], ErrorCode>) {
         let (before, after) = self.scanner.with(|scanner| {
             let before = scanner.device_status(device, now);

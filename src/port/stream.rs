@@ -24,7 +24,7 @@ pub(crate) struct Pieces {
 }
 
 impl Pieces {
-    /// Nothing has been given yet.
+    /// No piece has been taken.
     pub(crate) const fn new() -> Self {
         Self { piece: Vec::new(), given: 0 }
     }
@@ -54,7 +54,7 @@ impl Pieces {
         self.given += self.piece.len();
     }
 
-    /// The piece.
+    /// The current piece.
     pub(crate) fn piece(&self) -> &[u8] {
         &self.piece
     }
@@ -75,12 +75,12 @@ pub(crate) struct Input {
 }
 
 impl Input {
-    /// Nothing came yet.
+    /// Nothing has been received.
     pub(crate) const fn new(framing: StreamFraming) -> Self {
         Self { framing, bytes: [0; ADU_BYTES_MAX], length: 0, received_at: Instant::MIN }
     }
 
-    /// The frame at the front, or why the stream cannot be followed. RTU has no transaction id, so it is 0.
+    /// The frame at the front, or why the stream cannot be decoded. RTU has no transaction id, so it is 0.
     pub(crate) fn front(&self) -> Result<Parsed<'_>, MbapError> {
         let received = self.bytes.get(..self.length).unwrap_or(&[]);
         if self.framing == StreamFraming::Mbap {
@@ -118,7 +118,7 @@ impl Input {
         self.length = self.length.saturating_sub(count);
     }
 
-    /// Whether nothing is there.
+    /// Whether it is empty.
     pub(crate) fn is_empty(&self) -> bool {
         self.length == 0
     }
@@ -128,7 +128,7 @@ impl Input {
         self.bytes.get_mut(self.length..).unwrap_or(&mut [])
     }
 
-    /// `count` bytes were read into the free space.
+    /// Adds `count` bytes that were read into the free space.
     pub(crate) fn grew(&mut self, count: usize) {
         self.length += count;
         if self.framing == StreamFraming::Rtu {

@@ -43,7 +43,7 @@ pub(crate) fn within<F: Future + Unpin>(patience: Duration, future: F) -> Within
 pub(crate) struct Within<F> {
     patience: Duration,
     future: F,
-    /// When patience ends; set once there is something to wait for.
+    /// The end of `patience`; set once `future` is pending.
     end: Option<Until>,
 }
 

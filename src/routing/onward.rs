@@ -1,4 +1,4 @@
-//! Cut-through decision: where a request that is still arriving at a serial line may be forwarded to, judging by its beginning.
+//! Cut-through decision: the destination of a request that is still arriving at a serial line, based on its beginning.
 
 use crate::modbus::pdu::addresses_end;
 use crate::modbus::pdu::function::ENCAPSULATED_INTERFACE;
@@ -7,7 +7,7 @@ use crate::settings::{
     Cut, Destination, Driver, Lane, Policy, PortId, PortKind, SerialSettings, Settings, Special,
 };
 
-/// What to do with a request that is still arriving.
+/// How to handle a request that is still arriving.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Onward {
     /// Forward it once it is complete, if at all.
@@ -35,7 +35,7 @@ pub fn onward(settings: &Settings, source: PortId, unit: u8, so_far: &[u8], auto
         Cut::On => true,
         Cut::Off => false,
     };
-    // Broadcasts are checked first.
+    // A broadcast must be checked when complete.
     let to_one = rule.tag.apply(unit).is_some_and(|unit| unit != 0);
     match (lines, needed(&rule.policy, so_far)) {
         (Some(line), Some(needed)) if allowed && to_one => {
@@ -62,7 +62,7 @@ fn passing_line(kind: &PortKind) -> Option<Lane> {
     }
 }
 
-/// How many bytes of the PDU `policy` needs to decide; none if it needs all.
+/// Number of PDU bytes that `policy` needs to decide; `None` if it needs all.
 fn needed(policy: &Policy, so_far: &[u8]) -> Option<usize> {
     match so_far.first() {
         _ if policy.looks_at_nothing() => Some(0),

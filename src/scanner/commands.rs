@@ -15,19 +15,19 @@ pub enum Refused {
     /// There is no such row, or not so many cells.
     #[error("there are no such cells")]
     NotThere,
-    /// The row cannot be written.
+    /// The row is read-only.
     #[error("it cannot be written")]
     ReadOnly,
     /// The row has no device.
     #[error("no device is read for it")]
     NoDevice,
-    /// The device does not respond, and is being left alone: a read would come too early.
+    /// The device does not respond, and backs off: a read would come too early.
     #[error("its device does not respond; next attempt in {}s", .0.as_secs() + 1)]
     BackingOff(Duration),
-    /// A safe write has begun, and not ended.
+    /// A safe write is in progress.
     #[error("a safe write has begun")]
     Blocked,
-    /// No safe write has begun.
+    /// No safe write is in progress.
     #[error("no safe write has begun")]
     NotBlocked,
     /// Another requester's command is in progress.
@@ -57,7 +57,7 @@ impl Scanner {
         if held { entry.status.with(Status::BACKING_OFF) } else { entry.status }
     }
 
-    /// The age of the row's values; none if they have never been read.
+    /// The age of the row's values; `None` if they have never been read.
     pub fn age(&self, id: RowId, now: Instant) -> Option<Duration> {
         let fresh = self.variable(id)?.fresh;
         (fresh != Instant::MIN).then(|| now.saturating_duration_since(fresh))

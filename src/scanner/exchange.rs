@@ -89,8 +89,8 @@ impl Scanner {
         self.unanswered(device, ErrorCode::Unknown, true);
     }
 
-    /// The pending request got no response, or was only its first half: its rows wait again, to be sent `again` as one frame;
-    /// otherwise reads are dropped, and writes wait for the next attempt.
+    /// Handles a pending request without response, or with only its first half done: its rows wait again, to be sent `again` as
+    /// one frame; otherwise reads are dropped, and writes wait for the next attempt.
     pub(super) fn unanswered(&mut self, device: DeviceId, error: ErrorCode, again: bool) {
         let entries = self.entries.iter_mut().filter(|entry| entry.row.device == Some(device));
         for entry in entries {
@@ -120,7 +120,7 @@ impl Scanner {
         }
     }
 
-    /// The rows of the pending request are finished.
+    /// Finishes the rows of the pending request.
     pub(super) fn end(
         &mut self,
         device: DeviceId,

@@ -13,7 +13,7 @@ pub enum Form {
     Wide,
     /// Sixteen bits are a number, lowest bit first.
     Words,
-    /// So are 32 bits.
+    /// Likewise 32 bits.
     Longs,
     /// One bit of a register is a value.
     Bit(RegisterBit),
@@ -45,15 +45,15 @@ impl Form {
 // An enum rather than a number, so that its `Option` needs no extra memory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
-#[allow(missing_docs)] // Their names say it.
-#[rustfmt::skip] // In two lines.
+#[allow(missing_docs)] // The names are self-explanatory.
+#[rustfmt::skip] // Keeps it in two lines.
 pub enum RegisterBit {
     B0, B1, B2, B3, B4, B5, B6, B7,
     B8, B9, B10, B11, B12, B13, B14, B15,
 }
 
 impl RegisterBit {
-    /// All of them.
+    /// All bits.
     #[rustfmt::skip] // As above.
     pub const ALL: [Self; 16] = [
         Self::B0, Self::B1, Self::B2, Self::B3, Self::B4, Self::B5, Self::B6, Self::B7,

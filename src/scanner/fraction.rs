@@ -88,7 +88,7 @@ impl Decimal {
             if self.digits.is_full() {
                 self.digits.pop();
             }
-            // There is room now.
+            // Room was made above.
             let _ = self.digits.insert(0, carry);
             self.point += 1;
         }

@@ -93,7 +93,7 @@ impl Command {
         }
     }
 
-    /// A request for the row is sent.
+    /// Records that a request for the row is sent.
     pub(super) fn sent(&mut self, write: bool) {
         let (waits, sent) = match write {
             false => (Progress::ReadWaits, Progress::ReadSent),
@@ -102,28 +102,28 @@ impl Command {
         self.pass(&[waits], sent);
     }
 
-    /// A request for the row has ended.
+    /// Records the end of a request for the row.
     pub(super) fn ended(&mut self, write: bool, outcome: Result<(), ErrorCode>) {
         let to = if outcome.is_ok() { Progress::Done } else { Progress::Failed };
         self.pass(&[if write { Progress::WriteSent } else { Progress::ReadSent }], to);
     }
 
-    /// A pending read of the row is dropped.
+    /// Records that a pending read of the row is dropped.
     pub(super) fn read_dropped(&mut self) {
         self.pass(&[Progress::ReadWaits], Progress::Failed);
     }
 
-    /// The row's device is left alone.
+    /// Records that the row's device backs off.
     pub(super) fn left_alone(&mut self) {
         self.pass(&[Progress::ReadWaits, Progress::WriteWaits], Progress::Failed);
     }
 
-    /// The safe write was abandoned.
+    /// Records that the safe write was abandoned.
     pub(super) fn abandoned(&mut self) {
         self.pass(&[Progress::Begun], Progress::Failed);
     }
 
-    /// The safe write was finished, by whomever.
+    /// Records that the safe write was finished, by any requester.
     pub(super) fn finished(&mut self) {
         self.pass(&[Progress::Begun], Progress::WriteWaits);
     }

@@ -102,7 +102,7 @@ impl Scanner {
             Operation::Finish if self.is_blocked(id) && !begun => Err(Refused::Blocked),
             Operation::Finish => self.finish(id).map(|()| Progress::WriteWaits),
         };
-        // It would stay in progress until the device responds again, and lock out everybody else.
+        // Otherwise it would stay in progress until the device responds again, and lock out all other requesters.
         let held = self.status(id, now).any(Status::BACKING_OFF);
         if matches!(progress, Err(Refused::BackingOff(_))) || held && progress == Ok(Progress::WriteWaits) {
             progress = Ok(Progress::Failed);

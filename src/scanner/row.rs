@@ -23,13 +23,13 @@ pub struct RowId(pub u8);
 /// The parameters of a row.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Row {
-    /// The device to poll; none for a row visible to outside clients.
+    /// The device to poll; `None` for a row visible to outside clients.
     pub device: Option<DeviceId>,
     /// The table of the device.
     pub kind: Kind,
     /// The first address, as on the wire.
     pub first: u16,
-    /// How many cells.
+    /// Number of cells.
     pub count: u16,
     /// Index of the input values in memory.
     pub input: u16,
@@ -164,25 +164,25 @@ impl Entry {
         Self { row, status: Status::NEW, read_turn: 0, write_turn: 0, repeats: false, next, fresh, command }
     }
 
-    /// Its request begins.
+    /// Records the start of its request.
     pub(super) fn begin(&mut self, write: bool) {
         self.status.begin(write);
         self.command.sent(write);
     }
 
-    /// Its request has ended.
+    /// Records the end of its request.
     pub(super) fn end(&mut self, write: bool, outcome: Result<(), ErrorCode>) {
         self.status.end(write, outcome);
         self.command.ended(write, outcome);
     }
 
-    /// Its pending read is dropped.
+    /// Drops its pending read.
     pub(super) fn drop_read(&mut self) {
         self.status.clear(Status::READ_MARKED);
         self.command.read_dropped();
     }
 
-    /// When it is due, counted from the scanner's start, if its device is left alone until `held`.
+    /// When it is due, counted from the scanner's start, if its device backs off until `held`.
     pub(super) fn due(&self, held: Duration) -> Option<Duration> {
         self.row.read.period()?;
         if self.row.device.is_none() || self.status.any(Status::READ_MARKED) {
@@ -191,7 +191,7 @@ impl Entry {
         Some(self.next.max(round_up(held, self.row.read.raster())))
     }
 
-    /// It was due at `due`, and is marked at `now`.
+    /// Marks it at `now`, as it was due at `due`.
     pub(super) fn mark_due(&mut self, due: Duration, now: Duration, turn: u32) {
         self.status.set(Status::READ_MARKED);
         self.read_turn = turn;

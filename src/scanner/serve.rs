@@ -20,7 +20,7 @@ pub(crate) const QUALITY_REGISTERS: u16 = 2;
 /// The age register, in tenths of a second, of values older than it can show, or never read.
 const AGE_MAX: u64 = 65_535;
 
-/// The register that shows an age; none: never.
+/// The register that shows an age; `None`: never.
 pub(crate) fn age_register(age: Option<Duration>) -> u16 {
     age.map_or(AGE_MAX, |age| (age.as_millis() / 100).min(AGE_MAX)) as u16
 }

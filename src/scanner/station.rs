@@ -7,11 +7,11 @@ use super::status::ErrorCode;
 
 /// How often a request without response is repeated.
 pub const REPEATS: u8 = 2;
-/// How long a device that does not respond is left alone at first.
+/// How long a device that does not respond backs off at first.
 pub const BACK_OFF_FIRST: Duration = Duration::from_secs(15);
-/// How much that grows with every failed attempt.
+/// Growth of the back-off with every failed attempt.
 pub const BACK_OFF_STEP: Duration = Duration::from_secs(2);
-/// Its maximum.
+/// The longest back-off.
 pub const BACK_OFF_LONGEST: Duration = Duration::from_secs(30);
 
 /// A device.
@@ -21,16 +21,17 @@ pub struct Device {
     pub unit: u8,
     /// The order of the bytes in its 32-bit values.
     pub order: ByteOrder,
-    /// Before every poll it is asked for a sign of life (function 8), and left out of the poll if there is none.
+    /// Check for a sign of life (function 8) before every poll; the device is left out of the poll if there is none.
     pub check: bool,
-    /// What its inputs become when it does not respond: each register this, each bit its lowest one; none: unchanged.
+    /// Substitute for its inputs when it does not respond: this value for each register, its lowest bit for each bit; `None`:
+    /// unchanged.
     pub filling: Option<u16>,
 }
 
 /// The status of a device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct DeviceStatus {
-    /// Whether it responded last time; none: not asked yet.
+    /// Whether it responded last time; `None`: not asked yet.
     pub alive: Option<bool>,
     /// When it responded last; [`Instant::MIN`]: never.
     pub last_response: Instant,
@@ -46,7 +47,7 @@ pub struct DeviceStatus {
     pub exceptions: u32,
     /// Requests without a response, for whatever reason.
     pub failures: u32,
-    /// Until when it is left alone, if it is.
+    /// End of the back-off, if any.
     pub backs_off_until: Option<Instant>,
 }
 
@@ -82,9 +83,9 @@ pub(super) struct Station {
     pub(super) check_from: Option<u32>,
     /// Requests without response since the last response.
     silent: u8,
-    /// How long it was left alone last; zero: not at all.
+    /// The last back-off; zero: none.
     back_off: Duration,
-    /// It is left alone until then.
+    /// End of the back-off.
     pub(super) held: Instant,
     pub(super) status: DeviceStatus,
 }
@@ -115,13 +116,13 @@ impl Station {
         }
     }
 
-    /// A request is sent.
+    /// Records that a request is sent.
     pub(super) fn asked(&mut self, open: Open) {
         (self.open, self.repeats) = (Some(open), None);
         self.status.requests = self.status.requests.wrapping_add(1);
     }
 
-    /// It has responded, with `exception` if that is not 0.
+    /// Records a response, with `exception` if that is not 0.
     pub(super) fn answered(&mut self, now: Instant, exception: u8) {
         self.silent = 0;
         self.back_off = Duration::from_ticks(0);
@@ -136,7 +137,7 @@ impl Station {
         }
     }
 
-    /// It has not responded. Returns whether to repeat the request; otherwise the device is left alone.
+    /// Records a missing response. Returns whether to repeat the request; otherwise the device backs off.
     pub(super) fn failed(&mut self, now: Instant, error: ErrorCode) -> bool {
         self.not_sent(error);
         self.silent = self.silent.saturating_add(1);
@@ -152,7 +153,7 @@ impl Station {
         false
     }
 
-    /// A request to it could not be sent.
+    /// Records that a request to it could not be sent.
     pub(super) fn not_sent(&mut self, error: ErrorCode) {
         self.status.failures = self.status.failures.wrapping_add(1);
         self.status.error = Some(error);

@@ -76,7 +76,7 @@ impl Status {
     pub const LAST_OK: Self = Self(1 << 1);
     /// The last request failed.
     pub const LAST_ERROR: Self = Self(1 << 2);
-    /// The device does not respond, and is left alone for a while.
+    /// The device does not respond, and backs off.
     pub const BACKING_OFF: Self = Self(1 << 4);
     /// Marked for reading.
     pub const READ_MARKED: Self = Self(1 << 6);
@@ -138,7 +138,7 @@ impl Status {
         self.0 &= !flags.0;
     }
 
-    /// A request begins.
+    /// Records the start of a request.
     pub(super) fn begin(&mut self, write: bool) {
         self.clear(if write { Self::WRITE_MARKED } else { Self::READ_MARKED });
         self.set(Self::IN_PROGRESS);
@@ -147,14 +147,14 @@ impl Status {
         }
     }
 
-    /// The request is no longer in progress; returns whether it was a write.
+    /// Records that the request is no longer in progress; returns whether it was a write.
     pub(super) fn leave(&mut self) -> bool {
         let write = self.any(Self::CURRENT_IS_WRITE);
         self.clear(Self::IN_PROGRESS.with(Self::CURRENT_IS_WRITE));
         write
     }
 
-    /// The request has ended.
+    /// Records the end of the request.
     pub(super) fn end(&mut self, write: bool, outcome: Result<(), ErrorCode>) {
         self.clear(Self::LAST_OK.with(Self::LAST_ERROR).with(Self::LAST_WAS_WRITE));
         self.0 &= !(0xf << Self::ERROR_SHIFT);

@@ -1,4 +1,4 @@
-//! Values as people read and write them: 16-bit and 32-bit numbers, and bits.
+//! Typed values with their text form: 16-bit and 32-bit numbers, and bits.
 
 use core::fmt;
 

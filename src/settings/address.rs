@@ -14,7 +14,7 @@ pub type Prefixes = Vec<IpPrefix, RESERVED_MAX, u8>;
 /// out.
 pub(crate) const IPV6: bool = cfg!(feature = "ipv6");
 
-/// Peers that are allowed; empty: everybody.
+/// Allowed peers; empty: everybody.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Allowed(pub Prefixes);
 
@@ -60,7 +60,7 @@ impl IpPrefix {
     }
 }
 
-/// `::ffff:a.b.c.d` is how some systems write an IPv4 peer.
+/// Converts `::ffff:a.b.c.d`, the form in which some systems write IPv4 peers.
 pub(crate) fn canonical(address: IpAddr) -> IpAddr {
     if IPV6 { address.to_canonical() } else { address }
 }
@@ -78,7 +78,7 @@ impl Display for IpPrefix {
     }
 }
 
-/// An address with its port number as it is printed: `192.168.1.7:502`, `[::1]:502`.
+/// An address with its port number in printed form: `192.168.1.7:502`, `[::1]:502`.
 pub(crate) struct Endpoint(pub(crate) SocketAddr);
 
 impl Display for Endpoint {

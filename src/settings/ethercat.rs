@@ -13,30 +13,29 @@ pub type InterfaceName = String<INTERFACE_BYTES_MAX>;
 /// Settings of the EtherCAT port.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct EthercatSettings {
-    /// The network interface at which the gateway is a SubDevice; none where the board has a controller chip.
+    /// The network interface at which the gateway is a SubDevice; `None` on boards with a controller chip.
     pub interface: Option<InterfaceName>,
-    /// What happens to outputs when the MainDevice stops sending them.
+    /// Handling of outputs when the MainDevice stops sending them.
     pub on_loss: OnLoss,
     /// The RTU client whose speed and format the MainDevice sets, if any.
     pub line: Option<Name>,
-    /// Outputs are read from the controller until two readings agree, for an SPI with bit errors: about half as much traffic
-    /// again.
+    /// Outputs are read from the controller until two reads agree, for an SPI with bit errors: adds about half of the traffic.
     pub prove_outputs: bool,
-    /// Distinguishes gateways from each other, like a rotary switch; none: the station alias in the EEPROM.
+    /// Distinguishes gateways from each other, like a rotary switch; `None`: the station alias in the EEPROM.
     pub id: Option<u16>,
-    /// Errors are also reported by emergencies; a MainDevice can change that (10F3h:05). Some MainDevices stop at the first one.
+    /// Errors are also reported as emergencies; a MainDevice can change that (10F3h:05). Some MainDevices stop at the first one.
     pub emergencies: bool,
     /// The SubDevice is a modular one (ETG.5001): each slave is a module in a slot, with typed values.
     pub modules: bool,
 }
 
-/// What happens to the devices' outputs when the MainDevice leaves Op, or its watchdog expires.
+/// Handling of the devices' outputs when the MainDevice leaves Op, or its watchdog expires.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum OnLoss {
-    /// Nothing is written any more.
+    /// No more writes.
     #[default]
     Stop,
-    /// The last outputs stay in force, and are written again to a device with other values.
+    /// The last outputs stay in force, and are rewritten to a device with other values.
     Hold,
     /// All become 0.
     Clear,

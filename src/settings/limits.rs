@@ -1,4 +1,4 @@
-//! Capacities of the settings: how many of each item, and how long names may be.
+//! Capacities of the settings: numbers of items, and lengths of names.
 
 use heapless::String;
 
@@ -11,8 +11,8 @@ pub const ROUTES_MAX: usize = 64;
 /// Longest port name in bytes.
 pub const NAME_BYTES_MAX: usize = 15;
 
-/// Longest device name in bytes: with the feature `paths` that of a file, since names under `/dev/serial/by-id` have more than
-/// 100. Boards name UARTs.
+/// Longest device name in bytes: with the feature `paths` that of a file, since names under `/dev/serial/by-id` exceed 100 bytes.
+/// Boards have short UART names.
 pub const DEVICE_BYTES_MAX: usize = if PATHS { 255 } else { 15 };
 
 const PATHS: bool = cfg!(feature = "paths");
@@ -20,7 +20,7 @@ const PATHS: bool = cfg!(feature = "paths");
 /// Address prefixes in one list.
 pub const RESERVED_MAX: usize = 4;
 
-/// Longest line of the line language in bytes. The longest line that is printed is shorter, so what is printed can be read.
+/// Longest line of the configuration language in bytes. Printed lines are shorter, so they can be read back.
 pub const LINE_BYTES_MAX: usize = if PATHS { 800 } else { 640 };
 
 /// A port's name.

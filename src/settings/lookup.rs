@@ -36,7 +36,7 @@ impl Settings {
 
     /// The server lines of the port at `id`, each with its index among all server lines.
     pub fn servers_of(&self, id: PortId) -> impl Iterator<Item = (usize, &ServerSettings)> + Clone {
-        // Lets the compiler drop the code where there are no server lines.
+        // The compiler drops the code if there are no server lines.
         let all: &[ServerSettings] = if SERVERS { &self.servers } else { &[] };
         all.iter().enumerate().filter(move |(_, server)| server.port == id)
     }
@@ -57,7 +57,7 @@ impl Settings {
         Some((&server.at, server.tag.apply(unit)?))
     }
 
-    /// The mDNS name of the gateway: `own` unless the settings have one; `None` when mDNS is off.
+    /// The mDNS name of the gateway: `own` unless the settings have one; `None` if mDNS is off.
     pub fn mdns_name<'s>(&'s self, own: &'s str) -> Option<&'s str> {
         let Mdns::On { name } = &self.mdns else { return None };
         let told = match &self.network {

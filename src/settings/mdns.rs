@@ -10,7 +10,7 @@ pub enum Mdns {
         /// The name; if empty, the board's DHCP name, or else the machine's name.
         name: HostName,
     },
-    /// It does not.
+    /// It does not announce itself.
     Off,
 }
 

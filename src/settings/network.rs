@@ -20,14 +20,14 @@ pub struct TcpListen {
 }
 
 impl TcpListen {
-    /// Whether a system would refuse to open both: the same port at the same address, or at all addresses.
+    /// Whether a system would refuse to open both: the same port at the same address, or one of them at all addresses.
     pub fn collides(&self, other: &Self) -> bool {
         let all = |listen: &Self| listen.address.is_none_or(|address| address.is_unspecified());
         self.port == other.port && (all(self) || all(other) || self.address == other.address)
     }
 }
 
-/// What a TCP stream carries.
+/// The content of a TCP stream.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum StreamFraming {
     /// Modbus TCP: the MBAP header delimits frames and carries the transaction id.
@@ -42,7 +42,7 @@ pub enum StreamFraming {
 /// Requests in flight at one UDP server.
 pub const UDP_REQUESTS_MAX: usize = 32;
 
-/// Clients of a TCP server that does not say how many: what the board has connections for.
+/// Default number of clients of a TCP server: the board's number of connections.
 pub(super) const CLIENTS_DEFAULT: u16 = if cfg!(feature = "eight-clients") { 8 } else { 16 };
 
 /// A listener for Modbus TCP clients.
@@ -62,16 +62,17 @@ pub struct TcpServerSettings {
     pub lifetime: Duration,
     /// Connections, out of `clients`, reserved for `reserved_for`.
     pub reserved: u16,
-    /// When all are taken, the newcomer is refused instead of closing the connection idle longest.
+    /// When all are taken, a newcomer is refused; otherwise the connection idle longest is closed.
     pub refuses: bool,
-    /// Peers that may use the reserved connections, and are never closed to make room.
+    /// Peers that may use the reserved connections, and are never displaced.
     pub reserved_for: Prefixes,
-    /// Peers that may connect; others are closed at once. Empty: everybody (Messaging on TCP/IP 4.2.3, restricted mode).
+    /// Peers that may connect; others are disconnected at once. Empty: everybody (Messaging on TCP/IP 4.2.3, restricted mode).
     pub allowed: Allowed,
 }
 
 impl TcpServerSettings {
-    /// A listener on `port` with the defaults: 16 clients (8 with the feature `eight-clients`), closed after a minute idle, 16 requests each, 5 s lifetime.
+    /// A listener on `port` with the defaults: 16 clients (8 with the feature `eight-clients`), closed after a minute idle, 16
+    /// requests each, 5 s lifetime.
     pub fn new(port: u16) -> Self {
         Self {
             listen: TcpListen { address: None, port },
@@ -124,10 +125,10 @@ impl UdpServerSettings {
     }
 }
 
-/// A TCP client: one device, or gateway, or several with server lines.
+/// A TCP client: one device or gateway, or several with server lines.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct TcpClientSettings {
-    /// The server's address; none: the port has several servers, in lines of their own.
+    /// The server's address; `None`: several servers, with their own lines.
     pub server: Option<ServerAddress>,
     /// Simultaneous connections, with several servers.
     pub sockets: u8,
@@ -137,9 +138,9 @@ pub struct TcpClientSettings {
     pub unit: Option<u8>,
     /// Requests in flight, 1 to 16; 1 with RTU over TCP.
     pub in_flight: u8,
-    /// From a request to its response.
+    /// Response time-out.
     pub timeout: Duration,
-    /// Time limit for connecting.
+    /// Connect time-out.
     pub connect_timeout: Duration,
     /// Pause between connecting and the first request.
     pub connect_delay: Duration,

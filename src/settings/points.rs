@@ -17,7 +17,7 @@ pub const LABEL_BYTES_MAX: usize = 23;
 
 const _: () = assert!(POINTS_MOST <= ROWS_MAX);
 
-/// The name of a device or a point. Settings and the draft hold many, so it must be small.
+/// The name of a device or a point. Settings and the draft contain many, so it must be small.
 pub type PointName = String<NAME_BYTES_MAX, u8>;
 
 /// A label for people; may be empty.
@@ -39,13 +39,13 @@ pub struct DeviceSettings {
 pub struct PointSettings {
     /// Unique among points, without regard to case.
     pub name: PointName,
-    /// Where its cells are.
+    /// Location of its cells.
     pub at: PointAt,
     /// The table.
     pub kind: Kind,
     /// The first address, as on the wire.
     pub first: u16,
-    /// How many values.
+    /// Number of values.
     pub count: u16,
     /// The type of the values; bits in a table of bits unless set.
     pub value: ValueType,
@@ -53,10 +53,10 @@ pub struct PointSettings {
     pub label: Label,
 }
 
-/// Where the cells of a point are.
+/// The location of a point's cells.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PointAt {
-    /// In a device, which is polled.
+    /// In a polled device.
     Device {
         /// Index of the device.
         device: u8,
@@ -71,7 +71,7 @@ pub enum PointAt {
     },
     /// In the gateway's own unit, for outside clients.
     Local {
-        /// The point whose variable it shows; none: its own.
+        /// The point whose variable it shows; `None`: its own.
         of: Option<u8>,
         /// Input registers with its status word and age.
         quality: Option<u16>,
@@ -79,7 +79,7 @@ pub enum PointAt {
 }
 
 impl PointSettings {
-    /// How many cells it has.
+    /// Number of cells.
     pub fn cells(&self) -> u16 {
         let each = if self.kind.is_bits() { self.value.bits() } else { self.value.registers() };
         self.count.saturating_mul(each)
@@ -94,7 +94,7 @@ impl PointSettings {
         }
     }
 
-    /// How its cells map to its variable.
+    /// The mapping of its cells to its variable.
     fn form(&self) -> Form {
         match (self.at, self.kind.is_bits(), self.value.bits()) {
             (PointAt::Device { bit: Some(bit), .. }, ..) => Form::Bit(bit),

@@ -1,4 +1,4 @@
-//! The policy of a rule: what it allows, and what happens to the rest.
+//! The policy of a rule: what it allows, and how it handles the rest.
 
 use embassy_time::Duration;
 
@@ -10,14 +10,14 @@ use crate::settings::Functions;
 /// How a read may share transactions and cached responses.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Sharing {
-    /// Which reads waiting at the same time it may share a transaction with.
+    /// The waiting reads with which it may share a transaction.
     pub merge: Merge,
     /// The maximum age of a cached response; 0: no cache. Not a [`Duration`], as rows of the table must be small.
     pub cache_ms: u16,
 }
 
 impl Sharing {
-    /// Identical reads are merged, as that makes the response no older; the cache is not used.
+    /// Identical reads are merged, since that does not make the response older; the cache is not used.
     pub const DEFAULT: Self = Self { merge: Merge::Identical, cache_ms: 0 };
 
     /// The maximum age of a cached response.
@@ -62,7 +62,7 @@ pub enum Priority {
     Low,
 }
 
-/// What a rule allows, and with which priority.
+/// What a rule allows, and its priority.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Policy {
     /// Functions that are allowed; others get 01h.
@@ -71,7 +71,7 @@ pub struct Policy {
     pub addresses: AddressRange,
     /// Data addresses that may be written; a write to others gets 02h, one that may write anything 01h.
     pub writes: AddressRange,
-    /// What happens to a forbidden write.
+    /// How a forbidden write is handled.
     pub forbidden: Forbidden,
     /// Priority in the destination's queue.
     pub priority: Priority,
@@ -83,7 +83,7 @@ pub struct Policy {
     pub cut: Cut,
 }
 
-/// What happens to a write that a rule forbids.
+/// Handling of a write that a rule forbids.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Forbidden {
     /// It gets an exception.
@@ -126,7 +126,7 @@ impl Policy {
         Ok(if self.urgent.admit(request) { Priority::High } else { self.priority })
     }
 
-    /// What cannot be judged is refused, or the range could be bypassed.
+    /// A request that cannot be judged is refused, as it could bypass the range.
     fn admit_addresses(&self, request: &[u8]) -> Result<(), Exception> {
         let passes = |extent: &Extent| {
             self.addresses.contains(extent) && (!extent.write || self.writes.contains(extent))

@@ -1,4 +1,4 @@
-//! A port: its name, its kind, and what special unit ids mean there.
+//! A port: its name, its kind, and the meaning of special unit ids.
 
 use crate::settings::{
     EthercatSettings, Name, SerialSettings, Side, TcpClientSettings, TcpServerSettings, UdpServerSettings,
@@ -44,10 +44,10 @@ impl UnitPolicy {
 /// The meaning of a special unit id.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Special {
-    /// The rules decide, as for any other.
+    /// The rules decide, as for other units.
     #[default]
     Rules,
-    /// Nothing: 0Ah to a TCP client, silence on a serial line.
+    /// No unit: 0Ah to a TCP client, silence on a serial line.
     Off,
     /// The gateway's own unit.
     Local,
@@ -77,7 +77,7 @@ pub enum PortKind {
 }
 
 impl PortKind {
-    /// Which side of the protocol the port plays.
+    /// The side of the protocol that the port is on.
     pub const fn side(&self) -> Side {
         match self {
             Self::Serial(settings) => settings.side,
@@ -86,7 +86,7 @@ impl PortKind {
         }
     }
 
-    /// Whether the port sends requests of its own rather than an outside client's.
+    /// Whether the port sends its own requests instead of an outside client's.
     pub const fn asks_by_itself(&self) -> bool {
         matches!(self, Self::Scanner | Self::Ethercat(_))
     }
@@ -96,7 +96,7 @@ impl PortKind {
         !matches!(self, Self::Serial(_) | Self::Scanner | Self::Ethercat(_))
     }
 
-    /// The connections that it needs: one per client, and one to accept newcomers.
+    /// Number of connections it needs: one per client, and one to accept newcomers.
     pub(crate) fn connections(&self) -> usize {
         match self {
             Self::TcpServer(server) => usize::from(server.clients) + 1,

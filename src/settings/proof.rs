@@ -3,7 +3,7 @@
 use crate::scanner::Kind;
 use crate::settings::UnitRange;
 
-/// Unit ranges of a port with a proof of their own.
+/// Unit ranges of a port with their own proof.
 pub const PROOFS_MAX: usize = if cfg!(feature = "small") { 2 } else { 4 };
 
 /// The request sent to a unit whose responses could otherwise be confused.
@@ -23,7 +23,7 @@ pub enum Proof {
         /// Coils, inputs or registers.
         count: u16,
     },
-    /// None: only the late window is waited for.
+    /// No proof: the late window is waited for.
     None,
 }
 

@@ -54,8 +54,8 @@ pub enum Tag {
 }
 
 impl Tag {
-    /// The translated id. None where a changed id does not address one unit (1 to 247, or 255, the TCP device itself). The
-    /// settings reject rules where that is the case for any unit, or a request to one device could reach all.
+    /// The translated id. `None` if a changed id does not address one unit (1 to 247, or 255, the TCP device itself). The settings
+    /// reject rules for which that happens for any unit, or a request to one device could reach all.
     pub fn apply(self, unit: u8) -> Option<u8> {
         let target = match self {
             Self::Keep => return Some(unit),
@@ -67,7 +67,7 @@ impl Tag {
     }
 }
 
-/// Where a rule sends requests.
+/// The destination of requests.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Destination {
     /// A port.
@@ -81,12 +81,12 @@ pub enum Destination {
 }
 
 impl Route {
-    /// Whether the rule matches a request from `source` for `unit` by `peer` (none on serial ports).
+    /// Whether the rule matches a request from `source` for `unit` by `peer` (`None` on serial ports).
     pub fn matches(&self, source: PortId, unit: u8, peer: Option<IpAddr>) -> bool {
         self.source == source && self.units.contains(unit) && self.is_for(peer)
     }
 
-    /// Whether the rule matches `peer`, none on serial ports. A rule with an address does not match clients without one.
+    /// Whether the rule matches `peer`, `None` on serial ports. A rule with an address does not match clients without one.
     pub(crate) fn is_for(&self, peer: Option<IpAddr>) -> bool {
         self.peer.is_none_or(|prefix| peer.is_some_and(|peer| prefix.contains(peer)))
     }

@@ -11,7 +11,7 @@ pub struct Rules(u64);
 const _: () = assert!(ROUTES_MAX <= u64::BITS as usize);
 
 impl Rules {
-    /// The rules, counted from 0, for which the iterator yields true; none if there are none.
+    /// The rules, counted from 0, for which the iterator yields true; `None` if there are none.
     pub(crate) fn of(named: impl Iterator<Item = bool>) -> Option<Self> {
         let set = named.take(ROUTES_MAX).enumerate().fold(0, |set, (at, named)| set | u64::from(named) << at);
         (set != 0).then_some(Self(set))

@@ -1,4 +1,4 @@
-//! Settings of serial lines: speed, format, gaps, driver control, and those of either side.
+//! Settings of serial lines: speed, format, gaps, driver control, and those of each side.
 
 use embassy_time::{Duration, TICK_HZ};
 use heapless::String;
@@ -60,24 +60,24 @@ pub struct LineSettings {
     pub gap: Option<Duration>,
     /// Longest silence inside a frame; `None` is the general rule (a frame ends after the gap).
     pub char_timeout: Option<Duration>,
-    /// Who controls the transceiver's driver.
+    /// How the transceiver's driver is controlled.
     pub driver: Driver,
-    /// From switching the driver on to the first start bit.
+    /// Time from enabling the driver to the first start bit.
     pub driver_before: Duration,
-    /// From the last stop bit to switching the driver off.
+    /// Time from the last stop bit to disabling the driver.
     pub driver_after: Duration,
     /// The adapter receives its own transmission, which is compared and dropped.
     pub echo: bool,
 }
 
-/// Who switches the transceiver of a two-wire line between receiving and sending.
+/// Control of the driver on a two-wire line, for switching between receiving and sending.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Driver {
-    /// Nobody needs to: RS-232, four wires, or an adapter with automatic control.
+    /// None needed: RS-232, four wires, or an adapter with automatic control.
     Automatic,
-    /// The hardware or its driver (Linux: TIOCSRS485); refused where it is unsupported.
+    /// By the hardware or its driver (Linux: TIOCSRS485); refused if unsupported.
     Rs485,
-    /// The gateway, by RTS.
+    /// By the gateway, with RTS.
     Rts,
 }
 
@@ -121,7 +121,7 @@ impl LineSettings {
     fn bits(&self, bits: u64, baud: u32) -> Duration {
         let parts = bits * TICK_HZ;
         Duration::from_ticks(match u32::try_from(parts) {
-            // Enough for a frame, and one instruction on a small processor.
+            // Enough for a frame, and a single instruction on a small processor.
             Ok(parts) => parts.div_ceil(baud).into(),
             Err(_) => parts.div_ceil(baud.into()),
         })
@@ -153,7 +153,7 @@ impl LineSettings {
 /// Settings of a client-side serial port.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SerialClientSettings {
-    /// From the last bit of the request to the first character of the response.
+    /// Response time-out, from the last bit of the request to the first character of the response.
     pub timeout: Duration,
     /// Repeats of a read that got no response or a corrupt one. Writes are never repeated.
     pub retries: u8,
@@ -161,8 +161,8 @@ pub struct SerialClientSettings {
     pub turnaround: Duration,
     /// Silence after the port is opened, for devices that are still starting.
     pub start_delay: Duration,
-    /// How long received bytes are discarded after the line was opened, and how long a unit gets no request whose response could
-    /// be confused, where no proof is possible; `None`: `timeout`.
+    /// How long received bytes are discarded after the line was opened, and how long a unit gets no request whose response could be
+    /// confused, if no proof is possible; `None`: `timeout`.
     pub late_window: Option<Duration>,
     /// Time-outs in a row after which a unit is down and requests to it fail at once; 0: never.
     pub down_after: u8,
@@ -191,7 +191,7 @@ impl SerialClientSettings {
 /// Settings of a server-side serial port.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SerialServerSettings {
-    /// From the request to the response. After this time the master has given up: no response is sent, and a request not sent yet
+    /// Time from the request to the response. After that the master has given up: no response is sent, and a request not sent yet
     /// is dropped.
     pub answer_within: Duration,
     /// Minimum time from the end of the request to the response, for masters that are slow to switch to receiving; never below

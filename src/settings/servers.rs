@@ -1,4 +1,4 @@
-//! The servers behind a TCP client that has several: where they are, and the units that they are asked for.
+//! The servers of a TCP client that has several: their addresses and units.
 
 use core::fmt::{self, Display};
 use core::net::{IpAddr, SocketAddr};
@@ -7,8 +7,8 @@ use heapless::String;
 
 use crate::settings::{Endpoint, PortId, Tag, UnitRange};
 
-/// Whether ports can have several servers, and servers names. Without the feature `servers` the code and memory for both is not
-/// in an image.
+/// Whether ports can have several servers, and servers can have names. Without the feature `servers` the image has neither the code
+/// nor the memory for it.
 pub(crate) const SERVERS: bool = cfg!(feature = "servers");
 
 /// Server lines of all ports together.
@@ -25,17 +25,17 @@ pub const PORT_SERVERS_MAX: usize = match (SERVERS, cfg!(feature = "small")) {
     (true, false) => 64,
 };
 
-/// Connections that one port can have at a time.
+/// Simultaneous connections of a port.
 pub const SOCKETS_MAX: usize = match (SERVERS, cfg!(feature = "small")) {
     (false, _) => 1,
     (true, true) => 2,
     (true, false) => 16,
 };
 
-/// Longest name of a server in bytes: with the feature `small` shorter than a name may be.
+/// Longest name of a server in bytes; with the feature `small` shorter than a DNS label may be.
 pub const SERVER_NAME_BYTES_MAX: usize = if cfg!(feature = "small") { 31 } else { 63 };
 
-/// A server's name, to be looked up.
+/// A server's name, resolved by DNS.
 pub type ServerName = String<SERVER_NAME_BYTES_MAX, u8>;
 
 /// The machine that a server runs on.
@@ -43,11 +43,11 @@ pub type ServerName = String<SERVER_NAME_BYTES_MAX, u8>;
 pub enum Host {
     /// By its address.
     Address(IpAddr),
-    /// By its name, which is looked up whenever a connection is opened.
+    /// A name, resolved whenever a connection is opened.
     Name(ServerName),
 }
 
-/// Where a server is.
+/// The address of a server.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ServerAddress {
     /// The machine.
@@ -76,10 +76,10 @@ impl Display for ServerAddress {
 pub struct ServerSettings {
     /// The port.
     pub port: PortId,
-    /// The units that it is asked for, as rules call them on the port's side.
+    /// The units behind it, by the port's numbering.
     pub units: UnitRange,
     /// Where it is.
     pub at: ServerAddress,
-    /// What becomes of the unit id on the way to it.
+    /// Translation of the unit id for this server.
     pub tag: Tag,
 }

@@ -2,18 +2,18 @@
 
 use crate::scanner::{ByteOrder, Form, Kind, POINTS, ValueType};
 
-/// Devices behind the process image.
+/// Most devices behind the process image.
 pub const SLAVES_MAX: usize = if POINTS { 32 } else { 0 };
 
-/// How often a device is read if nothing else is said.
+/// Default polling period of a device.
 pub(crate) const POLLING_MS: u32 = 1_000;
 
-/// Neighbouring cells of one table of a device.
+/// Contiguous cells of one table of a device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Cells {
-    /// How many.
+    /// Number of cells.
     pub count: u16,
-    /// The first one's address on the wire.
+    /// The first address, as on the wire.
     pub address: u16,
 }
 
@@ -21,7 +21,7 @@ pub struct Cells {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[repr(u8)]
 pub enum OnSilence {
-    /// They stay as they were read last.
+    /// They keep the values read last.
     #[default]
     Hold = 0,
     /// All become 0.
@@ -31,7 +31,7 @@ pub enum OnSilence {
 }
 
 impl OnSilence {
-    /// What then stands in the inputs, behind a comma.
+    /// The resulting state of the inputs, after a comma.
     pub const fn of_inputs(self) -> &'static str {
         match self {
             Self::Hold => ", inputs held",
@@ -46,19 +46,19 @@ impl OnSilence {
 pub struct SlaveSettings {
     /// Its unit id.
     pub unit: u8,
-    /// It is asked for a sign of life before each poll.
+    /// Check for a sign of life before each poll.
     pub check: bool,
-    /// What its inputs become when it does not answer any more.
+    /// Handling of its inputs when it does not respond.
     pub on_silence: OnSilence,
-    /// What they become when they are substituted.
+    /// The value of substituted inputs.
     pub substitute: u16,
-    /// How often it is read.
+    /// Polling period in milliseconds.
     pub polling_ms: u32,
     /// Its cells, in the order of [`Kind::ALL`].
     pub cells: [Cells; 4],
-    /// What its input registers and its holding registers are.
+    /// The types of its input registers and its holding registers.
     pub types: [ValueType; 2],
-    /// In which order it has the bytes of values of 32 bits.
+    /// The byte order of its 32-bit values.
     pub order: ByteOrder,
 }
 
@@ -71,7 +71,7 @@ impl SlaveSettings {
         Self { unit, check: false, on_silence, substitute: 0, polling_ms: POLLING_MS, cells, types, order }
     }
 
-    /// What the cells of a table are.
+    /// The type of a table's values.
     pub const fn value_type(&self, kind: Kind) -> ValueType {
         let [input, holding] = self.types;
         match kind {
@@ -81,17 +81,17 @@ impl SlaveSettings {
         }
     }
 
-    /// How they are kept: values of 32 bits with the high byte first.
+    /// The form in memory: 32-bit values with the high byte first.
     pub const fn form(&self, kind: Kind) -> Form {
         if self.value_type(kind).registers() == 2 { Form::Wide } else { Form::Cells }
     }
 
-    /// The tables with what is configured of them.
+    /// The tables with their configured cells.
     pub fn tables(&self) -> impl Iterator<Item = (Kind, Cells)> {
         Kind::ALL.into_iter().zip(self.cells)
     }
 
-    /// What its inputs are filled with when it does not answer any more.
+    /// The value that replaces its inputs when it does not respond.
     pub const fn filling(&self) -> Option<u16> {
         match self.on_silence {
             OnSilence::Hold => None,

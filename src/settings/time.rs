@@ -1,4 +1,4 @@
-//! A time as people write it.
+//! A time with its text form.
 
 use core::fmt;
 

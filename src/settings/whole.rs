@@ -1,4 +1,4 @@
-//! All settings together, as the gateway has them in force.
+//! All settings of the gateway together.
 
 use heapless::Vec;
 
@@ -9,20 +9,20 @@ use crate::settings::{
     TcpServerSettings,
 };
 
-/// Everything that `save` keeps and `show config` prints.
+/// Everything that `save` stores and `show config` prints.
 #[derive(Debug, PartialEq, Eq, Default)]
 pub struct Settings {
-    /// How the board comes by its own address, where that is the gateway's business; `None`: as it does by default.
+    /// How the board gets its own address, if the gateway manages that; `None`: the default.
     pub network: Option<OwnNetwork>,
-    /// How it is found on the network.
+    /// Announcement by multicast DNS.
     pub mdns: Mdns,
-    /// The ports; a place keeps its index while other ports come and go.
+    /// The ports; a port keeps its index when others are added or deleted.
     pub ports: [Option<Port>; PORTS_MAX],
     /// The servers of TCP clients that have several.
     pub servers: Vec<ServerSettings, SERVERS_MAX>,
-    /// The routing rules in the order in which they are tried.
+    /// The routing rules, in matching order.
     pub routes: Vec<Route, ROUTES_MAX>,
-    /// The devices that the scanner asks.
+    /// The devices polled by the scanner.
     pub devices: Vec<DeviceSettings, DEVICES_MAX>,
     /// The points, in devices and in the gateway's own unit.
     pub points: Vec<PointSettings, POINTS_MAX>,
@@ -31,7 +31,7 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// No ports, no rules.
+    /// Settings without ports and rules.
     pub const fn new() -> Self {
         Self {
             network: None,
@@ -45,7 +45,7 @@ impl Settings {
         }
     }
 
-    /// Forgets everything.
+    /// Resets everything.
     pub fn clear(&mut self) {
         self.network = None;
         self.mdns = Mdns::DEFAULT;
@@ -57,7 +57,7 @@ impl Settings {
         self.slaves.clear();
     }
 
-    /// How the board comes by its own address.
+    /// How the board gets its own address.
     pub fn own_network(&self) -> OwnNetwork {
         self.network.clone().unwrap_or_default()
     }
@@ -67,8 +67,8 @@ impl Settings {
         self.ports.get(id.index())?.as_ref()
     }
 
-    /// The port called `name`; a bare TCP port number also finds the port called `P` and that number, because
-    /// the source paper prints `502` for P502.
+    /// The port called `name`; a bare TCP port number also finds the port called `P` and that number, because the source paper
+    /// prints `502` for P502.
     pub fn find(&self, name: &str) -> Option<PortId> {
         let named = |wanted: &dyn Fn(&str) -> bool| {
             self.ports.iter().position(|port| port.as_ref().is_some_and(|port| wanted(&port.name)))
@@ -91,12 +91,12 @@ impl Settings {
         }
     }
 
-    /// The name of the port at `id`; `?` when there is none any more.
+    /// The name of the port at `id`; `?` if there is none any more.
     pub fn name(&self, id: PortId) -> &str {
         self.port(id).map_or("?", |port| &port.name)
     }
 
-    /// A destination as rules name it.
+    /// A destination as named in rules.
     pub fn destination(&self, destination: Destination) -> &str {
         match destination {
             Destination::Port(id) => self.name(id),
@@ -114,7 +114,7 @@ impl Clone for Settings {
         clone
     }
 
-    /// Copies part by part: the whole is too big for the stack of a small board.
+    /// Copies field by field: the whole is too large for the stack of a small board.
     fn clone_from(&mut self, source: &Self) {
         let Self { network, mdns, ports, servers, routes, devices, points, slaves } = source;
         self.network.clone_from(network);
@@ -134,6 +134,6 @@ impl Clone for Settings {
 
 fn copy_list<T: Clone, const N: usize>(list: &mut Vec<T, N>, source: &Vec<T, N>) {
     list.clear();
-    // The same number fits.
+    // The same capacity.
     let _ = list.extend_from_slice(source);
 }

@@ -63,12 +63,12 @@ impl Log {
             if log.is_full() {
                 log.pop_front();
             }
-            // There is room now.
+            // Room was made above.
             let _ = log.push_back(entry);
         });
     }
 
-    /// The entry `back` steps before the newest.
+    /// The entry `back` steps before the newest one.
     pub fn newest(&self, back: usize) -> Option<LogEntry> {
         self.0.lock(|log| log.borrow().iter().rev().nth(back).copied())
     }

@@ -1,12 +1,12 @@
 //! Estimates the 99.9th percentile of response times from the largest of them, in little memory.
 //!
 //! With some thousand measurements, the time within which 999 of 1000 responses arrive is barely observed itself. But for a tail
-//! that falls off exponentially above a threshold, it follows from the mean excess over the threshold. The largest values bound
-//! the estimate for other tails: those that end (at the time-out), and those with a few responses much slower than the rest.
+//! that decays exponentially above a threshold, it follows from the mean excess over the threshold. The largest values bound the
+//! estimate for other tails: those that end (at the time-out), and those with a few responses much slower than the rest.
 
 use heapless::Vec;
 
-/// Values kept; the smallest of them is the threshold.
+/// Values stored; the smallest of them is the threshold.
 pub const LARGEST_MAX: usize = 32;
 /// One response in this many may be later than the estimate.
 const ONE_OF: u32 = 1_000;
@@ -20,12 +20,12 @@ pub struct ResponseTail {
 }
 
 impl ResponseTail {
-    /// No responses.
+    /// Without responses.
     pub const fn new() -> Self {
         Self { largest: Vec::new(), count: 0 }
     }
 
-    /// How many responses there were.
+    /// Number of responses.
     pub fn count(&self) -> u32 {
         self.count
     }
@@ -38,7 +38,7 @@ impl ResponseTail {
             if self.largest.is_full() {
                 self.largest.pop();
             }
-            // There is room now.
+            // Room was made above.
             let _ = self.largest.insert(at, took_us);
         }
     }
@@ -54,7 +54,7 @@ impl ResponseTail {
         let mean = above / (kept - 1).max(1);
         let fitted = u64::from(threshold) + mean * ln_milli(kept as u32 * ONE_OF, self.count) / 1_000;
         let fitted = u32::try_from(fitted).unwrap_or(u32::MAX);
-        // How many responses may be later.
+        // Number of responses that may be later.
         let later = (self.count / ONE_OF) as usize;
         let least = *self.largest.get(later).unwrap_or(&threshold);
         Some(if later == 0 { fitted.max(least) } else { fitted.clamp(least, longest) })
@@ -72,7 +72,7 @@ fn ln_milli(numerator: u32, denominator: u32) -> u64 {
     let whole = (ratio / ONE).ilog2();
     let mut rest = ratio >> whole;
     let mut log2 = u64::from(whole);
-    // Each squaring gives the next bit of the fraction.
+    // Each squaring yields the next bit of the fraction.
     for _ in 0..FRACTION_BITS {
         rest = rest * rest / ONE;
         log2 <<= 1;

@@ -7,7 +7,7 @@ use crate::hal::TcpHost;
 use crate::port::server::tcp::{self, Terms};
 
 impl Gateway<'_> {
-    /// The task of connection `index`: serves one TCP client after another, for ever. Not an `async fn`, which would store its
+    /// The task of connection `index`: serves one TCP client after another, forever. Not an `async fn`, which would store its
     /// arguments twice per connection.
     pub fn run_connection<H: TcpHost>(&self, index: usize, host: &mut H) -> impl Future<Output = ()> {
         let connection = self.connections().get(index);

@@ -1,4 +1,4 @@
-//! The port task: runs the role that the settings give the port, and restarts it when they change.
+//! The port task: runs the port's configured role, and restarts it when the settings change.
 
 use core::pin::pin;
 
@@ -13,7 +13,7 @@ use crate::port::{client, scanner, server};
 use crate::settings::{PortId, PortKind, Side, StreamFraming};
 
 impl Gateway<'_> {
-    /// The task of port `id`: runs the role that the settings give it, for ever.
+    /// The task of port `id`: runs its configured role, forever.
     ///
     /// `lines` opens serial lines, `connector` makes TCP connections, `datagrams` opens UDP sockets. Not an `async fn`, which
     /// would store its arguments twice per port.
@@ -67,7 +67,7 @@ impl Gateway<'_> {
         }
     }
 
-    /// The servers that the client-side port `id` reaches.
+    /// The servers of the client-side port `id`.
     fn upstream(&self, id: PortId, kind: &Option<PortKind>) -> Upstream {
         match kind {
             Some(PortKind::TcpClient(client)) => {
@@ -100,7 +100,7 @@ async fn play<H: SerialHost, C: TcpConnect>(
         Some(PortKind::TcpClient(settings)) => {
             outlined(pin!(client::tcp::run(dispatcher, settings, connector))).await;
         }
-        // Served by connections of their own, or no port.
+        // Served by connection tasks, or no port.
         _ => {
             dispatcher.close();
             core::future::pending().await

@@ -1,8 +1,8 @@
 //! The routing task: the only reader of the global queue, and the only writer of every port's queue.
 //!
-//! Requests are looked up in the routing table and go to the destination's queue with the unit id that applies there; responses
-//! go back to their requester. Every frame that a port sent returns to it, with or without a response, so a port tracks its open
-//! requests by counting. All transactions end in [`Gateway::note`], the one place to log them.
+//! The routing table determines the destination of a request, whose queue it enters with the unit id that applies there; responses
+//! return to their requester. Every frame that a port sent returns to it, with or without a response, so a port tracks its open
+//! requests by counting. All transactions end in [`Gateway::note`], the only function that logs them.
 
 use embassy_time::Instant;
 
@@ -33,7 +33,7 @@ impl Gateway<'_> {
         }
     }
 
-    /// Sends a request where the routing table says.
+    /// Forwards a request by the routing table.
     fn forward(&self, frame: Frame<'_>, envelope: &Envelope) {
         if envelope.origin.reply_to == ReplyTo::Console {
             return self.forward_asked(frame);
@@ -90,7 +90,7 @@ impl Gateway<'_> {
         }
     }
 
-    /// Sends copies of a broadcast to all lines that the rules of its port lead to. Nobody waits for the copies; the original
+    /// Sends copies of a broadcast to all lines that the rules of its port lead to. The copies have no requester; the original
     /// returns at once.
     fn broadcast(&self, frame: Frame<'_>) {
         let envelope = frame.envelope();
@@ -101,7 +101,7 @@ impl Gateway<'_> {
             let port = PortId(index as u8);
             let rank = |settings: &_| routing::leads_to(settings, origin.port, envelope.peer, &request, port);
             let Some(priority) = self.settings(rank) else { continue };
-            // Copies use shared frames only: a flood of broadcasts must not use up reserved ones.
+            // Copies use shared frames only: a flood of broadcasts must not exhaust the reserved ones.
             let origin = Origin { reply_to: ReplyTo::Nobody, ..origin };
             let to_port = Envelope { origin, target: 0, destination: Some(port), priority, ..envelope };
             let Some(copy) = self.pool().fill(usize::MAX, &request, to_port) else {
@@ -206,7 +206,7 @@ impl Gateway<'_> {
         }
     }
 
-    /// Sends a console's request to the port that it named.
+    /// Sends a console's request to the port that it specified.
     pub(crate) fn forward_asked(&self, frame: Frame<'_>) {
         let port = frame.envelope().destination;
         match port.and_then(|port| self.ports().get(port.index())) {

@@ -25,15 +25,15 @@ const PROFILE: u16 = 5001;
 /// Writes the description of `device`.
 ///
 /// # Errors
-/// When it does not fit into an EEPROM, or nothing can be written there.
+/// If the description does not fit into an EEPROM, or `into` refuses a write.
 pub fn write(device: &Device, into: &mut impl Write) -> Result<(), EsiError> {
     write_file::<NoModule>(&[(device, None)], &[], into)
 }
 
-/// Writes the description of devices of one vendor and group, some of which have slots, and of the `modules` that can be in those.
+/// Writes the description of devices of one vendor and group, some with slots, and of the `modules` that fit those slots.
 ///
 /// # Errors
-/// When a description does not fit into an EEPROM, or nothing can be written there.
+/// If a description does not fit into an EEPROM, or `into` refuses a write.
 pub fn write_file<M: Module>(
     devices: &[(&Device, Option<Slots>)],
     modules: &[M],
@@ -77,10 +77,10 @@ pub fn write_file<M: Module>(
 /// Why a description could not be written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum EsiError {
-    /// The EEPROM's content, which is part of it, could not be made.
+    /// The EEPROM image, which the file contains, could not be made.
     #[error(transparent)]
     Sii(#[from] SiiFull),
-    /// Where it is written to refused.
+    /// The writer returned an error.
     #[error("the description cannot be written")]
     Write,
 }
@@ -128,7 +128,7 @@ fn write_device<W: Write>(xml: &mut Xml<'_, W>, device: &Device, slots: Option<&
     slots.map_or(Ok(()), |slots| modules::write_slots(xml, slots))?;
     xml.within("Eeprom", format_args!(""), |xml| {
         xml.text("ByteSize", format_args!("{SII_BYTES}"))?;
-        // The part that the check covers, without the alias; the tool makes the rest from this file.
+        // The part covered by the checksum, without the alias; the tool derives the rest from this file.
         xml.text("ConfigData", format_args!("{}", xml::Hex(&device.controller)))
     })
 }
@@ -199,7 +199,7 @@ fn write_pdo<W: Write>(
     }
 }
 
-/// What CoE offers, as attributes.
+/// The optional CoE services, as attributes.
 struct CoeDetails<'d>(&'d Device);
 
 impl std::fmt::Display for CoeDetails<'_> {

@@ -1,5 +1,5 @@
-//! What describes a SubDevice to MainDevices and configuration tools, made on a host from the table that serves SDO: the
-//! controller's EEPROM ([`sii`]) and the description file ([`esi`]).
+//! Describes a SubDevice to MainDevices and configuration tools. Generates the controller's EEPROM ([`sii`]) and the description
+//! file ([`esi`]) on a host, from the table that also serves SDO.
 //!
 //! ```
 //! use ethercat_description::{esi, sii};

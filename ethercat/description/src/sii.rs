@@ -1,4 +1,4 @@
-//! The SII: what stands in the controller's EEPROM (ETG.1000.6, clause 5.4; ETG.2010), made from the device's table.
+//! The SII: content of the controller's EEPROM (ETG.1000.6, clause 5.4; ETG.2010), generated from the device's table.
 
 use crc::{Algorithm, Crc};
 
@@ -10,14 +10,14 @@ use strings::Strings;
 
 mod strings;
 
-/// Bytes of an image: an EEPROM of 32 KBit, the smallest one that all controllers address by two bytes.
+/// Bytes of an image: a 32 KBit EEPROM, the smallest that all controllers address by two bytes.
 pub const SII_BYTES: usize = 4096;
-/// Where the categories begin.
+/// Where the categories start.
 const CATEGORIES_START: usize = 0x80;
-/// What an erased EEPROM reads; two of them end the categories.
+/// The value of an erased byte; two of them end the categories.
 const ERASED: u8 = 0xff;
 
-/// The check of the first seven words: x^8 + x^2 + x + 1, from FFh.
+/// The checksum of the first seven words: x^8 + x^2 + x + 1, initial value FFh.
 const CRC_8: Algorithm<u8> = Algorithm {
     width: 8,
     poly: 0x07,
@@ -33,7 +33,7 @@ const CRC_8: Algorithm<u8> = Algorithm {
 const PROTOCOLS: u16 = 0x0004;
 /// CoE: SDO.
 const COE_SDO: u8 = 0x01;
-/// What else CoE offers: the attribute of the ESI file, the bit here, and whether it does.
+/// The other CoE services: the ESI file's attribute, the bit here, and whether it is supported.
 pub(crate) fn coe_details(device: &Device) -> [(&'static str, u8, bool); 5] {
     [
         ("SdoInfo", 0x02, true),
@@ -43,16 +43,16 @@ pub(crate) fn coe_details(device: &Device) -> [(&'static str, u8, bool); 5] {
         ("CompleteAccess", 0x20, true),
     ]
 }
-/// The mailbox repeats messages; the identification is shown in AL status code.
+/// The mailbox repeats messages; AL status code shows the identification.
 const GENERAL_FLAGS: u8 = 0x0c;
 /// Both ports are MII, one nibble each.
 const PORTS: u16 = 0x0011;
-/// A PDO whose content cannot be changed.
+/// A PDO with fixed content.
 const PDO_FIXED: u16 = 0x0010;
-/// The SyncManager of a PDO that is not assigned after power-on.
+/// The SyncManager of a PDO that is unassigned after power-on.
 const NOT_ASSIGNED: u8 = 0xff;
 
-/// The categories' types.
+/// Category types.
 #[derive(Clone, Copy)]
 #[repr(u16)]
 enum Category {
@@ -69,7 +69,7 @@ enum Category {
 #[error("the device's description does not fit into the EEPROM's {SII_BYTES} bytes")]
 pub struct SiiFull;
 
-/// Writes the image of `device`; what is not used reads as erased.
+/// Writes the image of `device`; unused bytes read as erased.
 pub fn write(device: &Device, into: &mut [u8; SII_BYTES]) -> Result<(), SiiFull> {
     into.fill(ERASED);
     let (head, categories) = into.split_first_chunk_mut::<CATEGORIES_START>().ok_or(SiiFull)?;
@@ -85,7 +85,7 @@ pub fn write(device: &Device, into: &mut [u8; SII_BYTES]) -> Result<(), SiiFull>
         })
     })?;
     writer.category(Category::General, |writer| writer.put(&general(device, &strings)))?;
-    // Outputs, inputs, and the state of the mailbox.
+    // Outputs, inputs, and mailbox status.
     writer.category(Category::Fmmu, |writer| writer.put(&[1, 2, 3]))?;
     writer.category(Category::SyncManager, |writer| {
         Channel::ALL.into_iter().try_for_each(|channel| writer.put(&sync_manager(device, channel)))
@@ -100,12 +100,12 @@ pub fn write(device: &Device, into: &mut [u8; SII_BYTES]) -> Result<(), SiiFull>
     Ok(())
 }
 
-/// The image's check: that of its first 14 bytes.
+/// The image's checksum, over its first 14 bytes.
 pub fn check(head: &[u8; 14]) -> u8 {
     Crc::<u8>::new(&CRC_8).checksum(head)
 }
 
-/// The words in front of the categories.
+/// The words before the categories.
 fn head_of(device: &Device) -> [u8; CATEGORIES_START] {
     let mut head = [0; CATEGORIES_START];
     let mut put = |word: usize, bytes: &[u8]| {
@@ -122,7 +122,7 @@ fn head_of(device: &Device) -> [u8; CATEGORIES_START] {
     let (out, answers) = (memory.start(Channel::MailboxOut), memory.start(Channel::MailboxIn));
     let words = [out, memory.mailbox_bytes, answers, memory.mailbox_bytes, PROTOCOLS];
     (0..).zip(words).for_each(|(at, word)| put(0x18 + at, &word.to_le_bytes()));
-    // The size in KBit less 1, and the version of this format.
+    // The size in KBit minus 1, and the version of this format.
     put(0x3e, &[(SII_BYTES * 8 / 1024 - 1) as u8, 0, 1, 0]);
     head
 }
@@ -138,7 +138,7 @@ fn general(device: &Device, strings: &Strings) -> [u8; 32] {
         (0x03, strings.index(device.name)),
         (0x05, details),
         (0x0b, GENERAL_FLAGS),
-        // For readers of an older format.
+        // For readers of an older format version.
         (0x0e, strings.index(device.group)),
         (0x10, ports_low),
         (0x11, ports_high),
@@ -188,7 +188,7 @@ fn write_pdo(
     })
 }
 
-/// Writes categories, one behind the other.
+/// Writes categories one after another.
 struct Writer<'b> {
     bytes: &'b mut [u8],
     at: usize,
@@ -196,14 +196,14 @@ struct Writer<'b> {
 
 impl Writer<'_> {
     fn put(&mut self, bytes: &[u8]) -> Result<(), SiiFull> {
-        // Room is kept for the mark at the end.
+        // Leaves room for the end mark.
         let place = self.bytes.get_mut(self.at..self.at + bytes.len() + 2).ok_or(SiiFull)?;
         place.iter_mut().zip(bytes).for_each(|(place, &byte)| *place = byte);
         self.at += bytes.len();
         Ok(())
     }
 
-    /// A category: its type, its length in words, and what `content` writes, made even.
+    /// A category: its type, its length in words, and the output of `content`, padded to whole words.
     fn category(
         &mut self,
         category: Category,

@@ -1,4 +1,4 @@
-//! The processor's accesses (I, PDI), and which side may write what at present.
+//! The processor's accesses (I, PDI), and each side's current write permissions.
 
 use crate::Nanos;
 use crate::chip::Chip;
@@ -24,7 +24,7 @@ impl Chip {
         }
     }
 
-    /// The place of the buffer may be changed only while the SyncManager is switched off.
+    /// The buffer's location may be changed only while the SyncManager is off.
     fn may_write_manager(&self, side: Side, address: u16) -> bool {
         let offset = address % sync_manager::BYTES;
         let active = self.memory.byte(address - offset + sync_manager::ACTIVATE) & 1 != 0;
@@ -36,7 +36,7 @@ impl Chip {
         }
     }
 
-    /// The processor reads. What it may not read it sees as zeros, and the chip counts that as an error.
+    /// A read by the processor. Protected bytes read as zeros and count as an error.
     pub fn read(&mut self, at: Nanos, address: u16, into: &mut [u8]) {
         self.advance(at);
         self.clock.show_processor(&mut self.memory, at);
@@ -44,7 +44,7 @@ impl Chip {
         let mut address = address;
         while !rest.is_empty() {
             let (place, count) = match address {
-                // Each register may have effects.
+                // Any register may have side effects.
                 ..PROCESS_RAM => (Some(address), 1),
                 _ => self.managers.steps(Side::Pdi, false, address, rest.len() as u16),
             };
@@ -62,7 +62,7 @@ impl Chip {
         self.accessed(at);
     }
 
-    /// The processor writes.
+    /// A write by the processor.
     pub fn write(&mut self, at: Nanos, address: u16, bytes: &[u8]) {
         self.advance(at);
         let mut registers = Vec::new();
@@ -89,7 +89,7 @@ impl Chip {
         self.accessed(at);
     }
 
-    /// Whether the chip asks for the processor's attention.
+    /// Whether the interrupt is asserted.
     pub fn interrupt(&mut self, at: Nanos) -> bool {
         self.advance(at);
         self.memory.double_word(AL_EVENT) & self.memory.double_word(AL_EVENT_MASK) != 0

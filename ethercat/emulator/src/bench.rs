@@ -1,8 +1,8 @@
-//! A bench for SubDevices: a [`Rig`] has one on an emulated controller, and a MainDevice's hand on its frames, so that a test asks for
-//! states, messages and process data one by one. What must be so fails the test if it is not.
+//! A test bench for SubDevices: a [`Rig`] runs one on an emulated controller and plays the MainDevice, so that a test requests
+//! states, messages and process data step by step. Violated preconditions fail the test.
 //!
-//! A rig runs in virtual time. [`Bench`] is an application for the devices [`MAILBOX_34`] to [`MAILBOX_128`]; for a device of your own
-//! [`Rig::with_application`] takes yours. [`CONTROLLERS`] are those that a suite of tests should pass on.
+//! A rig runs in virtual time. [`Bench`] is the application of the devices [`MAILBOX_34`] to [`MAILBOX_128`]; for your own device,
+//! [`Rig::with_application`] takes your application. A test suite should pass on all of [`CONTROLLERS`].
 
 mod application;
 mod controllers;
@@ -28,7 +28,7 @@ pub use application::{Bench, Shared};
 pub use controllers::{CHOICE, CONTROLLERS, Controller, lan9252_with};
 pub use devices::{LARGE_BYTES, MAILBOX_34, MAILBOX_64, MAILBOX_128};
 
-/// Init, as AL control and AL status have it.
+/// Init, as coded in AL control and AL status.
 pub const INIT: u16 = 1;
 /// PreOp, likewise.
 pub const PRE_OP: u16 = 2;
@@ -36,40 +36,40 @@ pub const PRE_OP: u16 = 2;
 pub const SAFE_OP: u16 = 4;
 /// Op, likewise.
 pub const OP: u16 = 8;
-/// AL status: an error stands; AL control: acknowledge it.
+/// AL status: error indicated; AL control: acknowledge it.
 pub const ERROR: u16 = 0x10;
 
-/// Where the process data lie in the logical address space: outputs here, inputs behind.
+/// Logical address of the process data: outputs, then inputs.
 pub const LOGICAL: u32 = 0x0001_0000;
 
-/// How a rig is started.
+/// Start options of a rig.
 pub struct Start {
-    /// Its controller.
+    /// The controller.
     pub kind: Kind,
-    /// How long the device is given after each frame.
+    /// Time for the device to react to each frame.
     pub pause: Duration,
-    /// The processor notes rising edges of the interrupt instead of looking at its level.
+    /// The processor latches rising edges of the interrupt instead of sampling its level.
     pub edges: bool,
 }
 
-/// One device with the MainDevice's end of its line.
+/// A device and its MainDevice.
 pub struct Rig<A> {
-    /// The line, for frames that the rig has no name for.
+    /// The segment, for frames that the rig has no method for.
     pub segment: Segment,
     device: &'static Device,
     application: Shared<A>,
-    /// How long the device is given after each frame.
+    /// Time for the device to react to each frame.
     pub pause: Duration,
     counter: u8,
-    /// When process data were exchanged last.
+    /// When process data were last exchanged.
     exchanged: Instant,
-    // Declared last: its tasks end last.
-    /// The world that the device lives in.
+    // Declared last so that its tasks are dropped last.
+    /// The world that runs the device.
     pub world: World<'static>,
 }
 
 impl Controller {
-    /// A device on it, with this application, switched on.
+    /// A powered-on device on this controller, with this application.
     pub fn rig<A: Application + 'static>(self, device: &'static Device, application: A) -> Rig<A> {
         let start = Start { kind: self.kind, pause: PAUSE, edges: self.edges };
         match self.spi {
@@ -88,12 +88,12 @@ impl Controller {
 }
 
 impl Rig<Bench> {
-    /// A device of the bench, switched on.
+    /// A powered-on device with the bench's application.
     pub fn new(device: &'static Device) -> Self {
         Self::with_application(device, Bench::default())
     }
 
-    /// The same, brought to a state.
+    /// The same, brought to `state`.
     pub fn in_state(device: &'static Device, state: u16) -> Self {
         let mut rig = Self::new(device);
         rig.bring_to(state);
@@ -102,12 +102,12 @@ impl Rig<Bench> {
 }
 
 impl<A: Application + 'static> Rig<A> {
-    /// A device with this application, switched on.
+    /// A powered-on device with this application.
     pub fn with_application(device: &'static Device, application: A) -> Self {
         Controller::chosen().rig(device, application)
     }
 
-    /// The same; its processor reaches the chip by what `reach` makes, and is given `pause` after each frame.
+    /// The same; `reach` makes the processor's access to the chip, which gets `pause` after each frame.
     pub fn reached_by<E: Esc + 'static>(
         device: &'static Device,
         application: A,
@@ -117,7 +117,7 @@ impl<A: Application + 'static> Rig<A> {
         Self::start(device, application, Start { kind: Kind::LAN9252, pause, edges: false }, reach)
     }
 
-    /// The same, with all that can be chosen.
+    /// The same with all options.
     pub fn start<E: Esc + 'static>(
         device: &'static Device,
         application: A,
@@ -151,43 +151,43 @@ impl<A: Application + 'static> Rig<A> {
         self.world.run_for(Duration::from_millis(millis));
     }
 
-    /// Lets time pass until so long after the last exchange of process data.
+    /// Lets time pass until `millis` after the last exchange of process data.
     pub fn pass_since_exchange(&mut self, millis: u64) {
         self.world.run_until(Timer::at(self.exchanged + Duration::from_millis(millis)));
     }
 
-    /// Writes to the device; the working counter. Time for the device to react follows.
+    /// Writes to the device, then lets it react; returns the working counter.
     pub fn write(&mut self, address: u16, bytes: &[u8]) -> u16 {
         let counter = self.segment.poke(0, address, bytes);
         self.world.run_for(self.pause);
         counter
     }
 
-    /// Reads from the device, if it answers.
+    /// Reads from the device; `None` without a response.
     pub fn read(&mut self, address: u16, bytes: usize) -> Option<Vec<u8>> {
         let read = self.segment.fetch(0, address, bytes);
         self.world.run_for(self.pause);
         read
     }
 
-    /// AL status and its code, of one moment.
+    /// AL status and its code, read together.
     pub fn status(&mut self) -> (u16, u16) {
         let bytes = self.read(0x0130, 6).unwrap();
         (u16::from_le_bytes([bytes[0], bytes[1]]), u16::from_le_bytes([bytes[4], bytes[5]]))
     }
 
-    /// Asks for a state, and says what came of it.
+    /// Requests a state; returns the resulting status.
     pub fn request(&mut self, control: u16) -> (u16, u16) {
         assert_eq!(self.write(0x0120, &control.to_le_bytes()), 1, "AL control can be written");
         self.status()
     }
 
-    /// The block that makes a SyncManager good for this device.
+    /// The register block that sets a SyncManager up for this device.
     pub fn sync_manager(&self, channel: Channel) -> [u8; 8] {
         sync_manager(self.device, channel)
     }
 
-    /// Sets up SyncManagers as the device wants them.
+    /// Sets up SyncManagers for this device.
     pub fn set_up(&mut self, channels: impl IntoIterator<Item = Channel>) {
         for channel in channels {
             let block = self.sync_manager(channel);
@@ -200,7 +200,7 @@ impl<A: Application + 'static> Rig<A> {
         self.set_up([Channel::MailboxOut, Channel::MailboxIn]);
     }
 
-    /// Sets up both SyncManagers of process data, and the FMMUs before them.
+    /// Sets up both SyncManagers of process data, and their FMMUs.
     pub fn set_up_process_data(&mut self) {
         self.set_up([Channel::Outputs, Channel::Inputs]);
         for (register, block) in
@@ -226,13 +226,13 @@ impl<A: Application + 'static> Rig<A> {
         }
     }
 
-    /// Exchanges process data in one frame: outputs all `fill`; the inputs and the working counter.
+    /// Exchanges process data in one frame, with all outputs set to `fill`; returns inputs and working counter.
     pub fn cycle(&mut self, fill: u8) -> (Vec<u8>, u16) {
         let outputs = self.device.default_bytes(Channel::Outputs);
         self.exchange(&vec![fill; outputs.into()])
     }
 
-    /// The same with these outputs.
+    /// The same with the given outputs.
     pub fn exchange(&mut self, outputs: &[u8]) -> (Vec<u8>, u16) {
         let mut data = outputs.to_vec();
         data.resize(outputs.len() + usize::from(self.device.default_bytes(Channel::Inputs)), 0);
@@ -242,7 +242,7 @@ impl<A: Application + 'static> Rig<A> {
         (answer.data[outputs.len()..].to_vec(), answer.counter)
     }
 
-    /// Writes a message of a type with a counter; the working counter.
+    /// Writes a message of a type with a counter; returns the working counter.
     pub fn send_counted(&mut self, protocol: u8, counter: u8, payload: &[u8]) -> u16 {
         let mut message = vec![0xee; self.device.memory.mailbox_bytes.into()];
         message[..2].copy_from_slice(&(payload.len() as u16).to_le_bytes());
@@ -257,7 +257,7 @@ impl<A: Application + 'static> Rig<A> {
         self.send_counted(3, self.counter, payload)
     }
 
-    /// What is in the mailbox from the device: header and payload, to their exact length.
+    /// The message in the mailbox from the device: header and payload, without padding.
     pub fn receive(&mut self) -> Option<Vec<u8>> {
         let bytes = usize::from(self.device.memory.mailbox_bytes);
         let mut message = self.read(self.device.memory.start(Channel::MailboxIn), bytes)?;
@@ -265,7 +265,7 @@ impl<A: Application + 'static> Rig<A> {
         Some(message)
     }
 
-    /// A CoE request and the payload of its answer.
+    /// Sends a CoE request; returns the payload of its response.
     pub fn ask(&mut self, payload: &[u8]) -> Vec<u8> {
         assert_eq!(self.send(payload), 1, "the mailbox takes a request");
         let answer = self.receive().expect("a request is answered");
@@ -273,7 +273,7 @@ impl<A: Application + 'static> Rig<A> {
         answer[6..].to_vec()
     }
 
-    /// An SDO request of eight bytes and more, and the SDO that answers; an abort is its code.
+    /// Sends an SDO request of eight or more bytes; returns the response, or the abort code.
     pub fn sdo(&mut self, request: &[u8]) -> Result<Vec<u8>, u32> {
         let mut payload = vec![0x00, 0x20];
         payload.extend(request);
@@ -287,7 +287,7 @@ impl<A: Application + 'static> Rig<A> {
         }
     }
 
-    /// Reads an object, in segments if it takes them.
+    /// Reads an object, segmented if needed.
     pub fn upload(&mut self, index: u16, sub: u8) -> Result<Vec<u8>, u32> {
         self.upload_by(0x40, index, sub)
     }
@@ -318,7 +318,7 @@ impl<A: Application + 'static> Rig<A> {
         Ok(bytes)
     }
 
-    /// Writes an object: expedited, or in segments if it takes them.
+    /// Writes an object: expedited, or segmented if needed.
     pub fn download(&mut self, index: u16, sub: u8, bytes: &[u8]) -> Result<(), u32> {
         self.download_by(0, index, sub, bytes)
     }

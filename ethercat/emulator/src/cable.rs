@@ -1,4 +1,4 @@
-//! The cable between a MainDevice and a segment: frames take their time, may be hit by faults, and can be captured.
+//! The cable between a MainDevice and a segment: adds delay and faults to frames, and captures them.
 
 use std::cell::{Cell, RefCell};
 use std::io::Write;
@@ -11,26 +11,26 @@ use super::pcap::Pcap;
 use super::{Fate, Segment, now};
 use mobgate_world::random::Random;
 
-/// A segment that a test and the cable share.
+/// A segment shared by a test and the cable.
 pub type SharedSegment = Rc<RefCell<Segment>>;
 
-/// How probable it is that something happens to a frame.
+/// Probabilities of frame faults.
 #[derive(Debug, Clone)]
 pub struct FrameFaults {
-    /// It vanishes somewhere on its way.
+    /// The frame is lost at a random point.
     pub lost: f64,
-    /// It is damaged somewhere on its way, and believed only before that place.
+    /// The frame is corrupted at a random point, and valid only before it.
     pub damaged: f64,
-    /// It goes through the segment twice, and both come back.
+    /// The frame passes the segment twice, and both copies return.
     pub doubled: f64,
-    /// It comes back later.
+    /// The frame returns late.
     pub delayed: f64,
-    /// By how many microseconds.
+    /// The delay in microseconds.
     pub delay_us: RangeInclusive<u64>,
 }
 
 impl FrameFaults {
-    /// None.
+    /// No faults.
     pub const NONE: Self = Self { lost: 0.0, damaged: 0.0, doubled: 0.0, delayed: 0.0, delay_us: 0..=0 };
 }
 
@@ -45,7 +45,7 @@ pub struct Cable {
 }
 
 impl Cable {
-    /// A cable without faults on which a frame is on its way, there and back, for `frame_time`.
+    /// A cable without faults and with a round trip of `frame_time`.
     pub fn new(segment: SharedSegment, frame_time: Duration) -> Self {
         Self {
             segment,
@@ -57,7 +57,7 @@ impl Cable {
         }
     }
 
-    /// The same, with faults that `random` draws.
+    /// The same with faults drawn from `random`.
     #[must_use]
     pub fn with_faults(mut self, faults: FrameFaults, random: Random) -> Self {
         self.faults.replace(faults);
@@ -65,28 +65,28 @@ impl Cable {
         self
     }
 
-    /// The same, writing all frames down on their way there and back.
+    /// The same, capturing all frames in both directions.
     #[must_use]
     pub fn with_capture(mut self, capture: Pcap<Box<dyn Write>>) -> Self {
         self.capture = Some(capture);
         self
     }
 
-    /// The faults, to be changed while the cable is in use.
+    /// The faults, which may be changed while the cable is in use.
     pub fn faults(&self) -> Rc<RefCell<FrameFaults>> {
         self.faults.clone()
     }
 
-    /// How many frames were sent so far, as the cable counts on.
+    /// The shared counter of frames sent.
     pub fn frames(&self) -> Rc<Cell<u64>> {
         self.frames.clone()
     }
 
-    /// Sends a frame; what comes back, if anything.
+    /// Sends a frame; returns the frames that come back.
     pub async fn carry(&mut self, frame: Vec<u8>) -> Vec<Vec<u8>> {
         self.frames.set(self.frames.get() + 1);
         self.capture(&frame);
-        // The middle of the line is reached after half of the time.
+        // The frame reaches the middle of the line after half the time.
         Timer::after(self.frame_time / 2).await;
         let faults = self.faults.borrow().clone();
         let times = if self.random.chance(faults.doubled) { 2 } else { 1 };

@@ -1,4 +1,4 @@
-//! One ESC with all its parts, and how time passes for it.
+//! One ESC with all its parts, and its behaviour over time.
 
 use std::cell::RefCell;
 use std::rc::Rc;
@@ -17,7 +17,7 @@ use crate::reset_sequence::ResetSequence;
 use crate::sync_manager::SyncManagers;
 use crate::watchdog::Watchdog;
 
-/// What distinguishes one controller chip from another (II, 0000h to 0009h).
+/// The properties in which controller chips differ (II, 0000h to 0009h).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Kind {
     /// Registers 0000h to 0003h: type, revision, build.
@@ -26,16 +26,16 @@ pub struct Kind {
     pub fmmus: u8,
     /// Number of SyncManagers.
     pub sync_managers: u8,
-    /// Process data memory in KByte.
+    /// Process data memory in KBytes.
     pub ram_kib: u8,
     /// Features (register 0008h).
     pub features: u16,
-    /// Whether an EEPROM read gives eight bytes instead of four.
+    /// Whether an EEPROM read returns eight bytes instead of four.
     pub eeprom_reads_eight: bool,
 }
 
 impl Kind {
-    /// Microchip's chip with two PHYs, the smallest of the common ones.
+    /// Microchip's chip with two PHYs, the smallest common one.
     pub const LAN9252: Self = Self {
         identity: [0xC0, 0x02, 0, 0],
         fmmus: 3,
@@ -44,7 +44,7 @@ impl Kind {
         features: 0x01CC,
         eeprom_reads_eight: true,
     };
-    /// An IP core with all the memory that an ESC can have.
+    /// An IP core with the largest memory of an ESC.
     pub const IP_CORE: Self = Self {
         identity: [0x04, 0x03, 0, 0],
         fmmus: 8,
@@ -64,7 +64,7 @@ impl Kind {
     };
 }
 
-/// A chip that frames and the processor share.
+/// A chip shared by frames and the processor.
 pub type SharedChip = Rc<RefCell<Chip>>;
 
 /// A controller chip with its EEPROM.
@@ -80,17 +80,17 @@ pub struct Chip {
     pub(crate) ports: [bool; 4],
     pub(crate) ecat_reset: ResetSequence,
     pub(crate) pdi_reset: ResetSequence,
-    /// The EEPROM; what is changed here the chip sees at its next reset or command.
+    /// The EEPROM; the chip sees changes at its next reset or command.
     pub eeprom: Eeprom,
-    /// Until when the last frame is on its way through.
+    /// When the last frame ends.
     pub(crate) frame_end: Nanos,
-    /// SyncManagers that the processor switches off, and when.
+    /// SyncManagers that the processor is switching off, and when.
     pub(crate) switching_off: Vec<(u16, Nanos)>,
     waiting: Vec<Waker>,
 }
 
 impl Chip {
-    /// A chip that has just been switched on, with this content of its EEPROM.
+    /// A chip after power-on, with this EEPROM content.
     pub fn new(kind: Kind, eeprom: Vec<u8>) -> Self {
         let mut chip = Self {
             kind,
@@ -112,33 +112,33 @@ impl Chip {
         chip
     }
 
-    /// A LAN9252 that a frame and the processor share, and whose EEPROM says what `device` is.
+    /// A shared LAN9252 whose EEPROM describes `device`.
     ///
     /// # Panics
-    /// When the device's description does not fit into the EEPROM.
+    /// If the device's description does not fit into the EEPROM.
     pub fn of(device: &Device) -> SharedChip {
         Rc::new(RefCell::new(Self::with_sii(Kind::LAN9252, device)))
     }
 
-    /// A chip whose EEPROM says what `device` is.
+    /// A chip whose EEPROM describes `device`.
     ///
     /// # Panics
-    /// When the device's description does not fit into the EEPROM.
+    /// If the device's description does not fit into the EEPROM.
     pub fn with_sii(kind: Kind, device: &Device) -> Self {
         let mut eeprom = [0; sii::SII_BYTES];
         sii::write(device, &mut eeprom).expect("the description fits");
         Self::new(kind, eeprom.to_vec())
     }
 
-    /// Lets the chip's clock (I, Distributed Clocks) show `start` at the beginning of the world, and run faster than the
-    /// world by `drift_ppm`.
+    /// Sets the chip's clock (I, Distributed Clocks) to `start` at world time 0, and makes it run faster than world time by
+    /// `drift_ppm`.
     pub fn set_clock(&mut self, start: Nanos, drift_ppm: i64) {
         self.clock.start = start;
         self.clock.drift_ppm = drift_ppm;
     }
 
-    /// What a register or a byte of memory holds, without the effects of an access. Registers that the chip
-    /// computes show what they were at the last access or frame.
+    /// The content of a register or memory byte, without side effects. Computed registers show their value as of the last access or
+    /// frame.
     pub fn peek<const N: usize>(&self, address: u16) -> [u8; N] {
         self.memory.bytes(address)
     }
@@ -148,7 +148,7 @@ impl Chip {
         self.clock.pulses()
     }
 
-    /// Does what became due by `at`, and brings the registers that the chip computes up to date.
+    /// Performs everything due by `at`, and updates the computed registers.
     pub fn advance(&mut self, at: Nanos) {
         if self.process_watchdog.advance(&mut self.memory, at) {
             self.events.watchdog = true;
@@ -162,7 +162,7 @@ impl Chip {
         self.refresh(at);
     }
 
-    /// When the chip will next do something by itself.
+    /// When the chip next changes without an access.
     pub fn next_change(&self, at: Nanos) -> Option<Nanos> {
         let others = [self.process_watchdog.next(), self.pdi_watchdog.next(), self.eeprom.next()];
         let switching = self.switching_off.iter().map(|(_, due)| Some(*due));

@@ -1,5 +1,5 @@
-//! The fifteen commands of a datagram: who is addressed, what is done, and what it counts (I, EtherCAT Protocol: addressing
-//! modes, command types, working counter).
+//! The fifteen datagram commands: addressing, action and working counter (I, EtherCAT Protocol: addressing modes, command types,
+//! working counter).
 
 /// A datagram's command.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -23,12 +23,12 @@ pub enum Command {
     Frmw = 14,
 }
 
-/// How a datagram says which devices it is for.
+/// How a datagram addresses devices.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Addressing {
     /// No device.
     None,
-    /// The device that sees the position 0; each device counts it up.
+    /// The device that sees position 0; each device increments it.
     Position,
     /// The device with this configured station address.
     Station,
@@ -41,11 +41,11 @@ pub enum Addressing {
 /// What an addressed device does with its memory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Action {
-    /// It puts its memory into the datagram.
+    /// Reads its memory into the datagram.
     pub read: bool,
-    /// It takes the datagram into its memory.
+    /// Writes the datagram into its memory.
     pub write: bool,
-    /// What it reads is ORed onto the data instead of replacing them.
+    /// ORs what it reads onto the data instead of replacing them.
     pub or: bool,
 }
 
@@ -55,7 +55,7 @@ impl Action {
     const WRITE: Self = Self { write: true, ..Self::NONE };
     const BOTH: Self = Self { read: true, write: true, or: false };
 
-    /// What the working counter gains when `read` or `written` was successful for at least one bit.
+    /// Increment of the working counter if `read` or `written` succeeded for at least one bit.
     pub fn counts(self, read: bool, written: bool) -> u16 {
         let write_counts = if self.read { 2 } else { 1 };
         u16::from(self.read && read) + if self.write && written { write_counts } else { 0 }
@@ -63,7 +63,7 @@ impl Action {
 }
 
 impl Command {
-    /// All of them, in the order of their codes.
+    /// All commands, in the order of their codes.
     pub const ALL: [Self; 15] = [
         Self::Nop,
         Self::Aprd,
@@ -98,7 +98,7 @@ impl Command {
         }
     }
 
-    /// What a device does: with ARMW and FRMW the `addressed` one reads, all others write.
+    /// A device's action: for ARMW and FRMW the `addressed` device reads, all others write.
     pub fn action(self, addressed: bool) -> Action {
         match self {
             Self::Armw | Self::Frmw if addressed => Action::READ,

@@ -1,4 +1,4 @@
-//! Distributed clocks (I, Distributed Clocks; II, 0900h to 09FFh), as much as a MainDevice's start-up needs: receive times,
+//! Distributed clocks (I, Distributed Clocks; II, 0900h to 09FFh), as far as a MainDevice's start-up needs them: receive times,
 //! system time, drift control, SYNC0.
 
 use crate::Nanos;
@@ -17,11 +17,11 @@ const PULSE_UNIT_NANOS: u64 = 10;
 /// A chip's clock and its SYNC0 unit.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Clock {
-    /// What the clock showed when the world began: no two chips were switched on at the same time.
+    /// Clock value at world time 0: no two chips are powered on at the same time.
     pub(crate) start: Nanos,
-    /// How much faster than the world it runs, in parts per million.
+    /// Rate deviation from world time, in parts per million.
     pub(crate) drift_ppm: i64,
-    /// What the control loop has added.
+    /// Correction accumulated by the control loop.
     correction: i64,
     next_pulse: Option<Nanos>,
     event_until: Option<Nanos>,
@@ -30,7 +30,7 @@ pub(crate) struct Clock {
 }
 
 impl Clock {
-    /// The local clock at a time of the world.
+    /// The local clock at a world time.
     fn local(&self, at: Nanos) -> i64 {
         let drift = at as i64 * self.drift_ppm / 1_000_000;
         ((self.start + at) as i64 + drift).wrapping_add(self.correction)
@@ -58,7 +58,7 @@ impl Clock {
         memory.put(SYSTEM_TIME, &time.to_le_bytes());
     }
 
-    /// Keeps when a frame came to each port.
+    /// Latches a frame's receive time at each port.
     pub(crate) fn latch(&self, memory: &mut Memory, ports: [Option<Nanos>; 4]) {
         for (port, at) in (0..).zip(ports) {
             let time = at.map_or(0, |at| self.local(at) as u64);
@@ -68,7 +68,7 @@ impl Clock {
         memory.put(RECEIVE_TIME_UNIT, &unit.to_le_bytes());
     }
 
-    /// Compares the clock with the reference's time, of which the low half counts, and corrects it by half the difference.
+    /// Compares the low half of the clock with the reference's time, and corrects half of the difference.
     pub(crate) fn compare(&mut self, memory: &mut Memory, reference: u32, at: Nanos) {
         let delay = memory.double_word(TIME_DELAY);
         let own = (self.system(memory, at) as u32).wrapping_sub(delay);
@@ -78,7 +78,7 @@ impl Clock {
         memory.put(TIME_DIFFERENCE, &(ahead.unsigned_abs() | sign).to_le_bytes());
     }
 
-    /// Follows a write to the activation register. A start time that has passed gives no pulse.
+    /// Handles a write to the activation register. A start time in the past gives no pulse.
     pub(crate) fn activate(&mut self, memory: &Memory, at: Nanos) {
         let wanted = memory.byte(SYNC_ACTIVATION) & (UNIT_ON | SYNC0_ON) == UNIT_ON | SYNC0_ON;
         let start = memory.quad_word(START_TIME);
@@ -89,7 +89,7 @@ impl Clock {
         }
     }
 
-    /// Makes the pulses that are due.
+    /// Generates the pulses that are due.
     pub(crate) fn advance(&mut self, memory: &Memory, at: Nanos) {
         let time = self.system(memory, at);
         if let Some(due) = self.next_pulse.filter(|due| *due <= time) {
@@ -107,7 +107,7 @@ impl Clock {
         }
     }
 
-    /// The processor has read the SYNC0 status: in acknowledge mode that ends the event.
+    /// The processor has read the SYNC0 status, which ends the event in acknowledge mode.
     pub(crate) fn acknowledge(&mut self) {
         if self.event_until.is_none() {
             self.event = false;
@@ -123,7 +123,7 @@ impl Clock {
         self.pulses
     }
 
-    /// When something changes, as a time of the world; early rather than late if the clock drifts.
+    /// World time of the next change; rather early than late if the clock drifts.
     pub(crate) fn next(&self, memory: &Memory, at: Nanos) -> Option<Nanos> {
         let next = [self.next_pulse, self.event_until].into_iter().flatten().min()?;
         Some(at.saturating_add(next.saturating_sub(self.system(memory, at))))

@@ -1,14 +1,13 @@
-//! The EEPROM behind the chip: the SubDevice information (SII), read and written word by word by either side (I, SII EEPROM;
-//! II, 0500h to 050Fh).
+//! The chip's EEPROM: the SubDevice information (SII), accessed word by word from either side (I, SII EEPROM; II, 0500h to 050Fh).
 
 use crate::Nanos;
 use crate::memory::Memory;
 use crate::registers::{EEPROM_ADDRESS, EEPROM_CONFIG, EEPROM_CONTROL, EEPROM_DATA, EEPROM_PDI};
 use crate::sync_manager::Side;
 
-/// Bytes of the configuration area, its check byte included.
+/// Bytes of the configuration area, with its checksum.
 const CONFIG_BYTES: usize = 16;
-/// A check word that switches the check off.
+/// A checksum word that disables the check.
 const UNCHECKED: [u8; 2] = [0xA4, 0x88];
 
 const WRITE_ENABLE: u16 = 1 << 0;
@@ -39,23 +38,23 @@ enum Job {
 }
 
 impl Eeprom {
-    /// An EEPROM with this content; what lies behind it reads FFh. A read gives eight bytes, or four.
+    /// An EEPROM with this content; bytes beyond it read FFh. A read returns eight bytes, or four.
     pub(crate) fn new(content: Vec<u8>, reads_eight: bool) -> Self {
         Self { content, busy_nanos: 0, done: None, errors: 0, reads_eight }
     }
 
-    /// What it holds.
+    /// The content.
     pub fn content(&self) -> &[u8] {
         &self.content
     }
 
-    /// The check byte of the first fourteen bytes: polynomial x^8 + x^2 + x + 1, started with FFh.
+    /// The checksum of the first fourteen bytes: polynomial x^8 + x^2 + x + 1, initial value FFh.
     pub fn check(config: &[u8]) -> u8 {
         let shift = |crc: u8| if crc & 0x80 != 0 { crc << 1 ^ 0x07 } else { crc << 1 };
         config.iter().take(14).fold(0xFF, |crc, byte| (0..8).fold(crc ^ byte, |crc, _| shift(crc)))
     }
 
-    /// The configuration area if its check byte is right; else the chip stays unconfigured.
+    /// The configuration area if its checksum is valid; otherwise the chip stays unconfigured.
     pub(crate) fn load(&mut self) -> Option<[u8; CONFIG_BYTES]> {
         self.done = None;
         let config: [u8; CONFIG_BYTES] = std::array::from_fn(|nth| self.byte(nth));
@@ -76,12 +75,12 @@ impl Eeprom {
         owns && self.done.is_none()
     }
 
-    /// Whether the processor may say that it uses the interface: it was handed over, or is not yet given back.
+    /// Whether the processor may claim the interface: it was handed over, or has not been returned yet.
     pub(crate) fn may_be_taken(&self, memory: &Memory) -> bool {
         (memory.byte(EEPROM_CONFIG) | memory.byte(EEPROM_PDI)) & 1 != 0
     }
 
-    /// Begins what was written to the control register.
+    /// Starts the command in the control register.
     pub(crate) fn command(&mut self, memory: &Memory, at: Nanos) {
         let control = memory.word(EEPROM_CONTROL);
         self.errors &= CHECKSUM_ERROR | NOT_LOADED;
@@ -93,7 +92,7 @@ impl Eeprom {
                 return;
             }
             2 => Job::Write,
-            // 3 is what SOEM calls the reload.
+            // SOEM uses 3 for reload.
             3 | 4 => Job::Reload,
             _ => {
                 self.errors |= COMMAND_ERROR;
@@ -103,7 +102,7 @@ impl Eeprom {
         self.done = Some((at + self.busy_nanos, job));
     }
 
-    /// Ends a command whose time has come; the configuration, if it was a reload of a good one.
+    /// Completes a command that is due; returns the configuration after a valid reload.
     pub(crate) fn advance(&mut self, memory: &mut Memory, at: Nanos) -> Option<[u8; CONFIG_BYTES]> {
         let (_, job) = self.done.take_if(|(done, _)| *done <= at)?;
         let address = memory.double_word(EEPROM_ADDRESS) as usize * 2;
@@ -125,7 +124,7 @@ impl Eeprom {
         None
     }
 
-    /// The control and status register as it reads now.
+    /// The current control and status register.
     pub(crate) fn status(&self) -> u16 {
         let fixed = TWO_ADDRESS_BYTES | if self.reads_eight { READS_EIGHT } else { 0 };
         let command = |job| match job {

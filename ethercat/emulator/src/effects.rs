@@ -1,17 +1,17 @@
-//! What the chip does when certain registers are read or written, and the registers that it computes.
+//! Side effects of register accesses, and the computed registers.
 
 use crate::Nanos;
 use crate::chip::Chip;
 use crate::registers::*;
 use crate::sync_manager::{self, Side};
 
-/// AL control's and AL status' device emulation bit in register 0141h.
+/// Device emulation in register 0141h: AL status follows AL control.
 const DEVICE_EMULATION: u8 = 1;
 const EEPROM_FORCE: u8 = 1 << 1;
 const EEPROM_TAKEN: u8 = 1;
 
 impl Chip {
-    /// The effects of a register having been written.
+    /// Side effects of a register write.
     pub(crate) fn after_write(&mut self, side: Side, address: u16, at: Nanos) {
         match address {
             ECAT_RESET if self.ecat_reset.step(self.memory.byte(address)) => self.reset(),
@@ -40,7 +40,7 @@ impl Chip {
         }
     }
 
-    /// With device emulation nobody needs to be asked: the state is what was requested.
+    /// In device emulation, AL status follows AL control without the processor.
     fn al_control_written(&mut self) {
         if self.memory.byte(PDI_CONTROL + 1) & DEVICE_EMULATION != 0 {
             let state = self.memory.byte(AL_CONTROL) & 0x0F;
@@ -50,7 +50,7 @@ impl Chip {
         }
     }
 
-    /// The processor writes a SyncManager's PDI control: it is switched off at the end of a frame that is under way (II, 0807h).
+    /// The processor writes a SyncManager's PDI control: it is switched off at the end of the frame in progress (II, 0807h).
     pub(crate) fn pdi_control_written(&mut self, address: u16, at: Nanos) {
         self.switching_off.retain(|(pending, _)| *pending != address);
         let written = self.memory.byte(address);
@@ -60,7 +60,7 @@ impl Chip {
         }
     }
 
-    /// Switches off what it is time for.
+    /// Switches off SyncManagers that are due.
     pub(crate) fn switch_off(&mut self, at: Nanos) {
         for (address, due) in std::mem::take(&mut self.switching_off) {
             if due > at {
@@ -72,7 +72,7 @@ impl Chip {
         }
     }
 
-    /// What is switched off, by either side, forgets at once what it held: the next datagram may switch it on again.
+    /// A SyncManager that either side switches off is cleared at once, as the next datagram may switch it on again.
     fn manager_written(&mut self, side: Side, address: u16, at: Nanos) {
         if side == Side::Ecat && address % sync_manager::BYTES == sync_manager::ACTIVATE {
             self.events.activation |= 1 << ((address - SYNC_MANAGER) / sync_manager::BYTES);
@@ -83,7 +83,7 @@ impl Chip {
         self.managers.refresh(&mut self.memory);
     }
 
-    /// The effects of the processor having read a register.
+    /// Side effects of a register read by the processor.
     pub(crate) fn after_read(&mut self, address: u16) {
         match address {
             0x0120..=0x0121 => self.events.al_control = false,
@@ -96,7 +96,7 @@ impl Chip {
         }
     }
 
-    /// Brings the registers that the chip computes up to date.
+    /// Updates the computed registers.
     pub(crate) fn refresh(&mut self, at: Nanos) {
         let memory = &mut self.memory;
         let link = |open: bool, port: u32| {

@@ -1,4 +1,4 @@
-//! What the chip wants to tell: the event requests to the MainDevice and to the processor (I, Interrupts; II, 0200h to 0223h).
+//! Event requests to the MainDevice and to the processor (I, Interrupts; II, 0200h to 0223h).
 
 use crate::dc;
 use crate::sync_manager::{Side, SyncManagers};
@@ -11,12 +11,12 @@ const SYNC0: u32 = 1 << 2;
 const SM_ACTIVATION: u32 = 1 << 4;
 const WATCHDOG: u32 = 1 << 6;
 
-/// Events that stay until somebody has seen their cause.
+/// Latched events, cleared by access to their cause.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Events {
     /// AL control was written and not yet read by the processor.
     pub(crate) al_control: bool,
-    /// SyncManagers whose activation was written, a bit each.
+    /// SyncManagers whose activation was written, one bit each.
     pub(crate) activation: u32,
     /// The process data watchdog expired.
     pub(crate) watchdog: bool,

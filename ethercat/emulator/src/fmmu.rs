@@ -1,4 +1,4 @@
-//! FMMUs: where a logical address leads in a chip's memory, bit by bit (I, FMMU; II, 0600h to 06FFh).
+//! FMMUs: the bitwise mapping of logical addresses to a chip's memory (I, FMMU; II, 0600h to 06FFh).
 
 use crate::memory::Memory;
 use crate::registers::FMMU;
@@ -6,7 +6,7 @@ use crate::registers::FMMU;
 /// Registers of one FMMU.
 pub const BYTES: u16 = 16;
 
-/// What the registers of an FMMU say, in bits.
+/// An FMMU's register settings, in bits.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Fmmu {
     /// The first mapped bit in the logical space.
@@ -18,18 +18,18 @@ pub(crate) struct Fmmu {
     pub(crate) writes: bool,
 }
 
-/// A byte of the chip's memory and the bits of it that a datagram reaches.
+/// A byte of the chip's memory and the bits of it covered by a datagram.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Mapped {
     pub(crate) address: u16,
     /// Bits of the byte.
     pub(crate) mask: u8,
-    /// Where the byte's bit 0 lies in the datagram's data, counted in bits; below 0 if outside.
+    /// Position of the byte's bit 0 in the datagram's data, in bits; negative if outside.
     pub(crate) bit: i64,
 }
 
 impl Fmmu {
-    /// The FMMU in place `nth`, if it is active.
+    /// FMMU number `nth`, if active.
     pub(crate) fn of(memory: &Memory, nth: usize) -> Option<Self> {
         let base = FMMU + BYTES * nth as u16;
         if memory.byte(base + 12) & 1 == 0 {
@@ -47,8 +47,8 @@ impl Fmmu {
         })
     }
 
-    /// Where a datagram of `bytes` at `logical` leads, if whole bytes lead to whole bytes: the first one's address, its
-    /// place in the datagram, and how many they are.
+    /// The mapping of a datagram of `bytes` at `logical`, if it is byte-aligned: first address, position in the datagram, and
+    /// count.
     pub(crate) fn mapped_bytes(self, logical: u32, bytes: usize) -> Option<(u64, usize, usize)> {
         if [self.logical, self.bits, self.physical].iter().any(|bits| bits % 8 != 0) {
             return None;
@@ -60,14 +60,14 @@ impl Fmmu {
         Some((self.physical / 8 + first - own, (first - datagram) as usize, count as usize))
     }
 
-    /// The bytes of memory that a datagram of `bytes` at `logical` reaches, in the order of their addresses.
+    /// The bytes of memory covered by a datagram of `bytes` at `logical`, in address order.
     pub(crate) fn mapped(self, logical: u32, bytes: usize) -> impl Iterator<Item = Mapped> {
         let datagram = u64::from(logical) * 8;
         let first = self.logical.max(datagram);
         let last = (self.logical + self.bits).min(datagram + bytes as u64 * 8);
         let physical = |bit: u64| bit - self.logical + self.physical;
         let reached = if first < last { physical(first)..physical(last) } else { 0..0 };
-        // What leads out of all memory leads nowhere.
+        // Addresses beyond the memory are not mapped.
         let end = reached.end.div_ceil(8).min(1 << 16);
         (reached.start / 8..end).map(move |address| {
             let from = reached.start.saturating_sub(address * 8);
@@ -80,7 +80,7 @@ impl Fmmu {
 }
 
 impl Mapped {
-    /// The bits of `data` that belong to the byte.
+    /// Extracts the byte's bits from `data`.
     pub(crate) fn take(self, data: &[u8]) -> u8 {
         if self.is_whole() {
             return data[(self.bit / 8) as usize];
@@ -104,7 +104,7 @@ impl Mapped {
         self.mask == 0xFF && self.bit % 8 == 0
     }
 
-    /// The mapped bits of the byte, each with its place in the data.
+    /// The mapped bits of the byte, each with its position in the data.
     fn positions(self) -> impl Iterator<Item = (u8, usize)> {
         (0..8)
             .filter(move |bit| self.mask >> bit & 1 != 0)

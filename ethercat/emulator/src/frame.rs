@@ -1,4 +1,4 @@
-//! EtherCAT frames: where the datagrams lie in them, and a way to build one (I, EtherCAT Protocol: header, datagram).
+//! EtherCAT frames: locates their datagrams, and builds frames (I, EtherCAT Protocol: header, datagram).
 
 use std::ops::Range;
 
@@ -6,7 +6,7 @@ use crate::Command;
 
 /// The EtherType of EtherCAT.
 pub const ETHER_TYPE: u16 = 0x88A4;
-/// The longest frame without its check sequence.
+/// The longest frame without its FCS.
 pub const FRAME_BYTES_MAX: usize = 1514;
 const ETHERNET_BYTES: usize = 14;
 const VLAN_BYTES: usize = 4;
@@ -14,19 +14,19 @@ const HEADER_BYTES: usize = 10;
 const COUNTER_BYTES: usize = 2;
 /// The frame header's type of a frame with datagrams.
 const TYPE_DATAGRAMS: u16 = 1;
-/// Bit of the length field that says that the frame has been through the ring's open end once.
+/// In the length field: the frame has passed a closed port 0 once.
 const CIRCULATING: u8 = 0x40;
 const MORE_FOLLOWS: u16 = 0x8000;
 /// Bits of a length, in the frame header and in a datagram's.
 const LENGTH: u16 = 0x07FF;
-/// What the first device does to the first byte of the source address: "locally administered".
+/// Set by the first device in the source address: "locally administered".
 const PASSED: u8 = 0x02;
 
-/// A datagram inside a frame: command, number, address, length, interrupt field, data, working counter.
+/// A datagram inside a frame: command, index, address, length, interrupt field, data, working counter.
 pub struct Datagram<'f>(&'f mut [u8]);
 
 impl Datagram<'_> {
-    /// Its command, if the code is one.
+    /// The command, if its code is valid.
     pub fn command(&self) -> Option<Command> {
         Command::from_code(self.0[0])
     }
@@ -41,7 +41,7 @@ impl Datagram<'_> {
         self.0[2..4].copy_from_slice(&device.to_le_bytes());
     }
 
-    /// The second half of the address: where in the device's memory.
+    /// The second half of the address: the offset in the device's memory.
     pub fn offset(&self) -> u16 {
         u16::from_le_bytes([self.0[4], self.0[5]])
     }
@@ -51,7 +51,7 @@ impl Datagram<'_> {
         u32::from(self.offset()) << 16 | u32::from(self.device())
     }
 
-    /// Whether the frame has passed a closed port 0 already (I, Frame Processing, "Circulating frames").
+    /// Whether the frame has already passed a closed port 0 (I, Frame Processing, "Circulating frames").
     pub fn circulating(&self) -> bool {
         self.0[7] & CIRCULATING != 0
     }
@@ -61,7 +61,7 @@ impl Datagram<'_> {
         self.0[7] |= CIRCULATING;
     }
 
-    /// ORs events of a device onto the interrupt field (I, Interrupts, "ECAT event request").
+    /// ORs a device's events onto the interrupt field (I, Interrupts, "ECAT event request").
     pub fn interrupt(&mut self, events: u16) {
         let [low, high] = events.to_le_bytes();
         self.0[8] |= low;
@@ -78,7 +78,7 @@ impl Datagram<'_> {
         &self.0[HEADER_BYTES..self.0.len() - COUNTER_BYTES]
     }
 
-    /// The data, to be changed.
+    /// The data, mutable.
     pub fn data_mut(&mut self) -> &mut [u8] {
         let end = self.0.len() - COUNTER_BYTES;
         &mut self.0[HEADER_BYTES..end]
@@ -98,7 +98,7 @@ impl Datagram<'_> {
     }
 }
 
-/// The datagrams of a frame; none if it is not EtherCAT. A length that leads out of the frame ends the list.
+/// The datagrams of a frame; empty if it is not EtherCAT. A length beyond the frame's end ends the list.
 pub fn datagrams(frame: &mut [u8]) -> impl Iterator<Item = Datagram<'_>> {
     let body = body(frame).unwrap_or_default();
     let end = body.end.min(frame.len());
@@ -111,9 +111,8 @@ pub fn datagrams(frame: &mut [u8]) -> impl Iterator<Item = Datagram<'_>> {
     })
 }
 
-/// Whether a frame has all that it says it has: at least one datagram, and no length that leads out of the frame. A
-/// chip looks at the type only and processes others as well, as far as they go; where a frame's check sequence is out of
-/// sight, it is better to drop them.
+/// Whether a frame is complete: it has at least one datagram, and no length exceeds it. A chip checks only the type and processes
+/// incomplete frames as far as they go; where the FCS is not visible, they are better dropped.
 pub fn is_whole(frame: &[u8]) -> bool {
     let Some(mut rest) = body(frame).and_then(|body| frame.get(body)) else { return false };
     loop {
@@ -126,14 +125,14 @@ pub fn is_whole(frame: &[u8]) -> bool {
     }
 }
 
-/// How many bytes the datagram at the beginning of `rest` says it has, and whether it says that one follows.
+/// The claimed length of the first datagram in `rest`, and whether it claims that another follows.
 fn datagram(rest: &[u8]) -> Option<(usize, bool)> {
     let length = u16::from_le_bytes([*rest.get(6)?, *rest.get(7)?]);
     let bytes = HEADER_BYTES + usize::from(length & LENGTH) + COUNTER_BYTES;
     Some((bytes, length & MORE_FOLLOWS != 0))
 }
 
-/// Whether `frame` is one that an ESC processes.
+/// Whether an ESC processes `frame`.
 pub fn is_ethercat(frame: &[u8]) -> bool {
     body(frame).is_some()
 }
@@ -145,7 +144,7 @@ pub fn mark_passed(frame: &mut [u8]) {
     }
 }
 
-/// Where the datagrams should lie, between the frame header and the padding.
+/// The range of the datagrams, between the frame header and the padding.
 fn body(frame: &[u8]) -> Option<Range<usize>> {
     let field = |at: usize| frame.get(at..at + 2).map(|two| [two[0], two[1]]);
     let tagged = field(12)? == [0x81, 0x00];
@@ -161,7 +160,7 @@ fn body(frame: &[u8]) -> Option<Range<usize>> {
     Some(first..first + usize::from(header & LENGTH))
 }
 
-/// Builds a frame for tests, one datagram after the other.
+/// Builds a frame for tests, datagram by datagram.
 #[derive(Debug, Clone, Default)]
 pub struct Builder {
     datagrams: Vec<Vec<u8>>,
@@ -174,7 +173,7 @@ impl Builder {
         self.logical(command, u32::from(offset) << 16 | u32::from(device), data)
     }
 
-    /// Adds a datagram for a logical address.
+    /// Adds a datagram with a logical address.
     #[must_use]
     pub fn logical(mut self, command: Command, address: u32, data: &[u8]) -> Self {
         let mut bytes = vec![command as u8, self.datagrams.len() as u8];
@@ -187,7 +186,7 @@ impl Builder {
         self
     }
 
-    /// The frame, padded to the shortest that Ethernet allows.
+    /// The frame, padded to Ethernet's minimum.
     pub fn build(mut self) -> Vec<u8> {
         let last = self.datagrams.len().saturating_sub(1);
         for datagram in &mut self.datagrams[..last] {

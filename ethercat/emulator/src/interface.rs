@@ -1,8 +1,8 @@
-//! A network interface of Linux as a controller's port 0: frames that come are received, and sent back where they came from.
+//! A Linux network interface as a controller's port 0: receives frames, and returns them to the sender.
 //!
-//! The socket is a raw one for EtherCAT alone (EtherType 88A4h): the kernel gives it no other frames, and none that this
-//! machine itself sends on the interface, be it a program or this socket. To open it takes the capability CAP_NET_RAW. A
-//! tag of a VLAN is taken off by the kernel and not put back; tagged frames belong to the VLAN's own interface.
+//! The raw socket is bound to EtherCAT (EtherType 88A4h): the kernel delivers no other frames, and none sent by this machine on the
+//! interface, whether by this socket or another program. Opening it requires the capability CAP_NET_RAW. The kernel strips VLAN
+//! tags and does not restore them; tagged frames belong to the VLAN's own interface.
 
 use std::io;
 use std::os::fd::{AsFd, AsRawFd, BorrowedFd};
@@ -15,30 +15,30 @@ use socket2::{Domain, Protocol, Socket, Type};
 
 use crate::frame::ETHER_TYPE;
 
-/// What the kernel calls an interface with Ethernet frames (ARPHRD_ETHER).
+/// The kernel's type of Ethernet interfaces (ARPHRD_ETHER).
 const ETHERNET: u16 = 1;
 
 /// Why a network interface cannot be a controller's port.
 #[derive(Debug, thiserror::Error)]
 pub enum InterfaceError {
-    /// None has that name.
+    /// No interface has that name.
     #[error("no such network interface")]
     Missing,
-    /// Its frames are not those of Ethernet.
+    /// It does not carry Ethernet frames.
     #[error("not an Ethernet interface")]
     NotEthernet,
-    /// It is switched off.
+    /// It is down.
     #[error("the network interface is down")]
     Down,
     /// This process lacks CAP_NET_RAW, or may not use sockets of the families AF_PACKET and AF_NETLINK.
     #[error("no permission to open a raw socket")]
     Denied,
-    /// Something else is wrong.
+    /// Any other error.
     #[error(transparent)]
     Failed(#[from] io::Error),
 }
 
-/// An open network interface. Nothing blocks: an operation that would have to wait is an error of
+/// An open network interface. Nothing blocks: an operation that would have to wait returns
 /// [`WouldBlock`](io::ErrorKind::WouldBlock).
 #[derive(Debug)]
 pub struct Interface {
@@ -67,12 +67,12 @@ impl Interface {
         Ok(Self { socket, index: address.ifindex() })
     }
 
-    /// Receives a frame without its check sequence into `frame`, and gives its length.
-    /// [`NetworkDown`](io::ErrorKind::NetworkDown): the interface was switched off or taken away, and must be opened again.
+    /// Receives a frame without its FCS into `frame`, and returns its length. [`NetworkDown`](io::ErrorKind::NetworkDown): the
+    /// interface went down or disappeared, and must be reopened.
     pub fn receive(&self, frame: &mut [u8]) -> io::Result<usize> {
         loop {
             let (length, from) = recvfrom::<LinkAddr>(self.socket.as_raw_fd(), frame)?;
-            // Others may have come between the socket's making and its binding.
+            // Frames of other interfaces may arrive between socket creation and bind.
             if from.is_some_and(|from| from.ifindex() == self.index) {
                 return Ok(length);
             }
@@ -85,10 +85,10 @@ impl Interface {
     }
 }
 
-/// Why there is no socket.
+/// The reason of a failed socket creation.
 fn refused(error: io::Error) -> InterfaceError {
     match error.raw_os_error().map(Errno::from_raw) {
-        // The latter where a service may use some families of addresses only.
+        // EAFNOSUPPORT: a service may be restricted to some address families.
         Some(Errno::EPERM | Errno::EACCES | Errno::EAFNOSUPPORT) => InterfaceError::Denied,
         _ => InterfaceError::Failed(error),
     }

@@ -1,9 +1,8 @@
-//! The LAN9252 as its driver sees it: an SPI device in front of the simulated controller chip, and an interrupt pin.
+//! The LAN9252 as its driver sees it: an SPI device in front of the emulated controller chip, and an interrupt pin.
 //!
-//! A transaction goes byte by byte through `spi`, which decodes the instruction and the address, to the system registers
-//! (`device`). Behind some of these are engines that take their time (`csr`, `fifo`): one accesses registers of the ESC, two move
-//! process data through FIFOs of sixteen double words. What a careful driver would never do is written down and fails the
-//! test that asks ([`Lan9252::check`]).
+//! `spi` decodes a transaction byte by byte into instruction and address of the system registers (`device`). Some of them control
+//! engines with latency: `csr` accesses ESC registers, and `fifo` moves process data through FIFOs of sixteen double words. Misuse
+//! by the driver is recorded and fails the test that asks ([`Lan9252::check`]).
 
 mod conditions;
 mod csr;
@@ -22,17 +21,17 @@ use device::Device;
 use mobgate_world::random::Random;
 pub use spi::Spi;
 
-/// A handle on the chip: for the test, which sets faults and looks at counters.
+/// A test's handle on the chip, to set faults and read counters.
 #[derive(Clone)]
 pub struct Lan9252(Rc<RefCell<Device>>);
 
 impl Lan9252 {
-    /// A chip in front of `chip` that has just left its reset.
+    /// A chip in front of `chip`, just out of reset.
     pub fn new(chip: SharedChip, timing: Timing) -> Self {
         Self(Rc::new(RefCell::new(Device::new(chip, timing, now()))))
     }
 
-    /// The same, on a board whose resistor at the interrupt pin leads up; else it leads down.
+    /// The same on a board with a pull-up at the interrupt pin instead of a pull-down.
     #[must_use]
     pub fn pulled_up(self) -> Self {
         self.0.borrow_mut().pulled_up = true;
@@ -56,7 +55,7 @@ impl Lan9252 {
         self.0.borrow_mut().pin(now())
     }
 
-    /// From now on `faults` happen as `random` draws them. What they make of a driver's accesses is not held against it.
+    /// Enables `faults`, drawn from `random`. Misuse that they cause is not recorded.
     pub fn set_faults(&self, faults: SpiFaults, random: Random) {
         let mut device = self.0.borrow_mut();
         device.faults = faults;
@@ -70,12 +69,12 @@ impl Lan9252 {
         device.reset(now());
     }
 
-    /// Lets the engine that accesses registers never finish, until the chip is reset.
+    /// Makes the register access engine hang until the chip is reset.
     pub fn hang_registers(&self) {
         self.0.borrow_mut().csr.hang();
     }
 
-    /// Lets the engines that move process data stand still, until the chip is reset.
+    /// Makes the process data engines hang until the chip is reset.
     pub fn hang_transfers(&self) {
         let mut device = self.0.borrow_mut();
         device.tainted = true;
@@ -83,35 +82,35 @@ impl Lan9252 {
         device.write.hang();
     }
 
-    /// From now on the driver's accesses are judged again, after faults that have ended.
+    /// Records misuse again, after faults have ended.
     pub fn forgive(&self) {
         self.0.borrow_mut().tainted = false;
     }
 
-    /// Changes how fast the chip is.
+    /// Changes the chip's timing.
     pub fn set_timing(&self, timing: Timing) {
         self.0.borrow_mut().timing = timing;
     }
 
-    /// What was counted since this was last called.
+    /// The traffic since the last call.
     pub fn take_traffic(&self) -> Traffic {
         std::mem::take(&mut self.0.borrow_mut().traffic)
     }
 
-    /// How often a fault has hit the SPI.
+    /// Number of faults injected on the SPI.
     pub fn faults_injected(&self) -> u64 {
         self.0.borrow().injected
     }
 
-    /// What the driver should not have done.
+    /// The driver's misuses of the chip.
     pub fn violations(&self) -> Vec<String> {
         self.0.borrow().violations.clone()
     }
 
-    /// Fails the test if the driver did something that it should not have done.
+    /// Fails the test if the driver misused the chip.
     ///
     /// # Panics
-    /// Then.
+    /// If it did.
     #[track_caller]
     pub fn check(&self) {
         let violations = self.violations();
@@ -119,7 +118,7 @@ impl Lan9252 {
     }
 }
 
-/// The driver of a usual chip in front of `chip`, and its interrupt.
+/// A LAN9252 driver in front of `chip`, and its interrupt.
 pub fn over_spi(chip: SharedChip) -> (Driver<Spi>, Interrupt) {
     let lan9252 = Lan9252::new(chip, Timing::USUAL);
     (Driver::new(lan9252.spi(), Wiring::default()), lan9252.interrupt())

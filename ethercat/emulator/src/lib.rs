@@ -1,21 +1,21 @@
 //! An EtherCAT SubDevice controller (ESC) in software: frames in and out on one side, a processor on the other.
 //!
-//! In hardware a SubDevice has a controller chip that reads and changes EtherCAT frames while they pass, and a processor
-//! behind the chip's process data interface (PDI). A [`Chip`] is the former at register level, so that a SubDevice stack
-//! runs unchanged, and a MainDevice finds what it expects: type and features, DL and AL registers, FMMUs, SyncManagers with
-//! mailboxes and triple buffers, watchdogs, events, error counters, the EEPROM with the SubDevice information, distributed
-//! clocks as far as a start-up looks at them.
+//! In hardware a SubDevice has a controller chip that reads and modifies EtherCAT frames on the fly, and a processor behind the
+//! chip's process data interface (PDI). A [`Chip`] emulates the former at register level, so that a SubDevice stack runs unchanged,
+//! and a MainDevice finds what it expects: type and features, DL and AL registers, FMMUs, SyncManagers with mailboxes and triple
+//! buffers, watchdogs, events, error counters, the EEPROM with the SubDevice information, and distributed clocks as far as a
+//! start-up needs them.
 //!
-//! It is good for development, tests and training, and with the feature `interface` for being a SubDevice on a network
-//! interface of Linux, for cycles of a millisecond and more. It is no replacement for a chip where time counts: a frame
-//! waits for a process to wake up, and the clock is that of the operating system.
+//! Use it for development, tests and training; with the feature `interface` it can be a SubDevice on a Linux network interface, at
+//! cycles of a millisecond and more. It does not replace a chip where timing matters: a frame waits for a process to wake up, and
+//! the clock is that of the operating system.
 //!
-//! # A frame's way
+//! # Path of a frame
 //!
-//! [`Chip::pass`] takes a frame. It looks at each datagram ([`frame`], [`command`]), reads and writes [`registers`] and
-//! memory, for logical addresses through the [`fmmu`]s, and always through the SyncManagers ([`sync_manager`]). What a
-//! frame changes takes effect at its end, and only if its check sequence was good, so a chip collects writes and throws
-//! them away with a damaged frame. On a line of chips, [`Chip::pass_on`] says what comes before and behind.
+//! [`Chip::pass`] takes a frame. It decodes each datagram ([`frame`], [`command`]), reads and writes [`registers`] and memory, for
+//! logical addresses through the [`fmmu`]s, and always through the SyncManagers ([`sync_manager`]). A frame's writes take effect at
+//! its end, and only if its FCS was good, so a chip collects writes and discards them with a corrupt frame. On a line of chips use
+//! [`Chip::pass_on`], which also takes the frame's return time from the chips behind.
 //!
 //! The processor's side is [`pdi`]: [`Chip::read`] and [`Chip::write`] as [`DirectPdi`], which is an
 //! [`Esc`](ethercat_subdevice::esc::Esc), and the [`Interrupt`]. Both sides may be in one thread only; nothing blocks.
@@ -23,21 +23,22 @@
 //! # Testing a SubDevice
 //!
 //! * [`lan9252`]: the chip as firmware sees it, an SPI device and an interrupt pin, with faults and resets.
-//! * [`MainDevice`] brings a SubDevice to a state and exchanges process data; the example `digital_io` of `ethercat-subdevice` runs it.
+//! * [`MainDevice`] brings a SubDevice to a state and exchanges process data; the example `digital_io` of `ethercat-subdevice`
+//!   uses it.
 //!   With the feature `ethercrab`, `master` and [`sub_device`] run that crate's MainDevice instead.
-//! * [`bench`](mod@bench): a SubDevice in a rig, for tests that ask for states, messages and process data one by one.
-//! * [`segment`], [`cable`]: lines and rings of chips, with lost and damaged frames; [`pcap`] writes them down. With the feature
-//!   `interface`, `packet` puts them to a network interface, for MainDevices in other programs.
-//! * [`World`]: virtual time. Its driver of embassy-time is linked with this crate; a program has no other.
+//! * [`bench`](mod@bench): a SubDevice in a rig, for tests that request states, messages and process data step by step.
+//! * [`segment`], [`cable`]: lines and rings of chips, with lost and corrupt frames; [`pcap`] captures them. With the feature
+//!   `interface`, `packet` connects them to a network interface, for MainDevices in other programs.
+//! * [`World`]: virtual time. This crate links its driver of embassy-time; a program cannot have another.
 //!
-//! The chip itself knows no clock: every access carries the time, in nanoseconds since any one moment. [`now`] is that of
-//! embassy-time, which [`DirectPdi`] and [`Interrupt`] go by.
+//! The chip itself has no clock: every access carries the time in nanoseconds, relative to any fixed instant. [`now`] takes it from
+//! embassy-time, as [`DirectPdi`] and [`Interrupt`] do.
 //!
 //! ```
 //! use ethercat_esc::frame::{Builder, datagrams};
 //! use ethercat_esc::{Chip, Command, Kind};
 //!
-//! // With an EEPROM that nobody has written yet.
+//! // An EEPROM without content.
 //! let mut chip = Chip::new(Kind::LAN9252, vec![]);
 //! // A MainDevice counts devices: a broadcast read of the first register.
 //! let mut frame = Builder::default().device(Command::Brd, 0, 0x0000, &[0]).build();
@@ -46,23 +47,23 @@
 //! assert_eq!((answer.counter(), answer.data()), (1, &[0xC0][..]));
 //! ```
 //!
-//! # Where it comes from
+//! # Sources
 //!
-//! Items name the chapter of Beckhoff's ESC data sheet that they follow, as in "I, SyncManager": section I is about the
-//! technology, section II lists the registers by their addresses. It describes in public what ETG.1000.3 and ETG.1000.4
-//! specify for the members of the EtherCAT Technology Group.
+//! Items name the chapter of Beckhoff's ESC data sheet that they implement, as in "I, SyncManager": section I describes the
+//! technology, section II the registers by address. The data sheet publicly describes what ETG.1000.3 and ETG.1000.4 specify for
+//! members of the EtherCAT Technology Group.
 //!
-//! # What it does not do
+//! # Limitations
 //!
-//! - Nothing happens at a port but frames: no PHY management (MII, registers 0510h and following), no CRC errors of its own.
-//! - Protection of registers against writing (0020h to 0031h), LEDs, digital inputs and outputs are absent.
+//! - Ports carry only frames: no PHY management (MII, registers 0510h and following), no CRC errors.
+//! - Register write protection (0020h to 0031h), LEDs, and digital inputs and outputs are absent.
 //! - Distributed clocks have the receive times, system time, drift control and SYNC0; SYNC1 and latches are absent.
-//! - What is written to the EEPROM is gone with the [`Chip`], unless its owner keeps
+//! - Writes to the EEPROM are lost with the [`Chip`], unless its owner saves
 //!   [`Eeprom::content`](eeprom::Eeprom::content).
 #![forbid(unsafe_code)]
 
 mod access;
-#[cfg(feature = "bench")] // Who only is a controller simulates no network.
+#[cfg(feature = "bench")] // The controller alone needs no simulated network.
 pub mod bench;
 #[cfg(feature = "bench")] // As above.
 pub mod cable;
@@ -74,12 +75,12 @@ mod effects;
 mod events;
 pub mod fmmu;
 pub mod frame;
-#[cfg(feature = "interface")] // It is one of Linux, and takes crates for that.
+#[cfg(feature = "interface")] // Linux only, and needs additional crates.
 pub mod interface;
 #[cfg(feature = "bench")] // As above.
 pub mod lan9252;
 pub mod main_device;
-#[cfg(feature = "ethercrab")] // It is a crate of its own.
+#[cfg(feature = "ethercrab")] // Needs the ethercrab crate.
 pub mod master;
 mod memory;
 #[cfg(all(feature = "bench", feature = "interface"))] // As above.
@@ -113,15 +114,15 @@ pub use pdi::{DirectPdi, Interrupt};
 pub use probe::Answer;
 pub use segment::{Fate, Segment};
 
-// The README's example is a test.
+// Tests the README's example.
 #[cfg(all(doctest, feature = "bench"))]
 #[doc = include_str!("../README.md")]
 struct Readme;
 
-/// A time in nanoseconds since any one moment, the same for all accesses of a chip.
+/// A time in nanoseconds since a fixed instant, the same for all accesses of a chip.
 pub type Nanos = u64;
 
-/// The present of embassy-time.
+/// The current time of embassy-time.
 pub fn now() -> Nanos {
     embassy_time::Instant::now().as_micros() * 1_000
 }

@@ -1,7 +1,7 @@
-//! A MainDevice for tests and examples: brings one SubDevice to a state by frames, and exchanges process data with it.
+//! A MainDevice for tests and examples: brings one SubDevice to a state, and exchanges process data with it.
 //!
-//! It knows the SubDevice by its [`Device`], where a real one reads the EEPROM, and keeps to the PDOs that are assigned after
-//! power-on. It waits between its frames, so that it runs beside the SubDevice in one thread.
+//! It knows the SubDevice by its [`Device`], where a real one reads the EEPROM, and keeps the PDO assignment of power-on. It waits
+//! between its frames, so that it runs beside the SubDevice in one thread.
 
 use embassy_time::{Duration, Instant, Timer};
 use ethercat_subdevice::al_state::AlState;
@@ -12,20 +12,20 @@ use crate::frame::{Builder, datagrams};
 use crate::registers::{AL_CONTROL, AL_STATUS, FMMU, WATCHDOG_DATA};
 use crate::{Command, SharedChip, now};
 
-/// How long a state may take.
+/// Timeout of a state change.
 const PATIENCE: Duration = Duration::from_secs(2);
-/// Between two frames.
+/// Pause between two frames.
 const PAUSE: Duration = Duration::from_micros(100);
-/// Without outputs for so long they stop, in units of 100 us: what a busy host takes from a MainDevice must not stop them.
+/// Watchdog time of the outputs, in units of 100 us: long, so that a busy host that delays the MainDevice does not trip it.
 const WATCHDOG: u16 = 60_000;
-/// Acknowledges an error, in AL control; one stands, in AL status.
+/// In AL control: acknowledges an error; in AL status: an error is indicated.
 const ERROR: u8 = 1 << 4;
-/// Data that a frame holds in one datagram.
+/// Most data bytes of a frame with one datagram.
 const DATAGRAM_BYTES_MAX: usize = 1_486;
-/// Where outputs lie in the logical address space; inputs lie behind them.
+/// Logical address of the outputs; inputs follow.
 const LOGICAL: u32 = 0;
 
-/// The block of registers that sets a SyncManager up as `device` wants it after power-on.
+/// The register block that sets a SyncManager up as `device` needs it after power-on.
 pub fn sync_manager(device: &Device, channel: Channel) -> [u8; 8] {
     let [start_low, start_high] = device.memory.start(channel).to_le_bytes();
     let length = device.default_bytes(channel);
@@ -33,7 +33,7 @@ pub fn sync_manager(device: &Device, channel: Channel) -> [u8; 8] {
     [start_low, start_high, length_low, length_high, channel.control(), 0, u8::from(length > 0), 0]
 }
 
-/// The FMMU in front of process data, its address and its block of registers: with outputs at `logical`, and inputs behind them.
+/// The address and register block of a process data FMMU, with outputs at `logical`, followed by inputs.
 pub fn fmmu(device: &Device, channel: Channel, logical: u32) -> Option<(u16, [u8; 16])> {
     let (nth, logical, way) = match channel {
         Channel::Outputs => (0, logical, 2),
@@ -51,31 +51,31 @@ pub fn fmmu(device: &Device, channel: Channel, logical: u32) -> Option<(u16, [u8
     Some((FMMU + 16 * nth, block))
 }
 
-/// Why a MainDevice could not do what was asked.
+/// Why a MainDevice's request failed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Refusal {
-    /// The controller did not take the datagram: there is nothing, or the SubDevice has not read the request before.
+    /// The controller did not process the datagram: it is absent, or the SubDevice has not read the previous request.
     NotTaken,
-    /// The SubDevice shows an error, with this AL status code.
+    /// The SubDevice indicates an error, with this AL status code.
     Error(u16),
-    /// It is in another state when the time is over.
+    /// It was still in this state at the timeout.
     Late(u8),
 }
 
-/// A MainDevice in front of one SubDevice.
+/// A MainDevice for one SubDevice.
 pub struct MainDevice<'d> {
     chip: SharedChip,
     device: &'d Device,
 }
 
 impl<'d> MainDevice<'d> {
-    /// A MainDevice whose only SubDevice has this controller, and is described by `device`.
+    /// A MainDevice whose only SubDevice has this controller and the description `device`.
     pub fn new(chip: SharedChip, device: &'d Device) -> Self {
         Self { chip, device }
     }
 
-    /// Brings the SubDevice to `state` by the states between, and sets up on the way what each of them needs. An error that
-    /// stands is acknowledged.
+    /// Brings the SubDevice to `state` through the intermediate states, setting up what each of them needs. Acknowledges a pending
+    /// error.
     pub async fn bring_to(&mut self, state: AlState) -> Result<(), Refusal> {
         let steps = [AlState::Init, AlState::PreOp, AlState::SafeOp, AlState::Op];
         for step in steps.into_iter().filter(|&step| step <= state) {
@@ -85,7 +85,7 @@ impl<'d> MainDevice<'d> {
                     self.write(WATCHDOG_DATA, &WATCHDOG.to_le_bytes()).await?;
                     self.set_up(&[Channel::Outputs, Channel::Inputs]).await?;
                 }
-                // It takes outputs to reach Op.
+                // Op requires valid outputs.
                 AlState::Op => self.exchange(&vec![0; self.bytes(Channel::Outputs)]).await.map(|_| ())?,
                 _ => {}
             }
@@ -94,8 +94,7 @@ impl<'d> MainDevice<'d> {
         Ok(())
     }
 
-    /// Sends outputs and takes inputs, by one frame if that holds both; so the inputs are of a time before the SubDevice has seen these
-    /// outputs.
+    /// Sends outputs and takes inputs, in one frame if both fit; so the inputs predate these outputs.
     pub async fn exchange(&mut self, outputs: &[u8]) -> Result<Vec<u8>, Refusal> {
         let mut data = outputs.to_vec();
         data.resize(outputs.len() + self.bytes(Channel::Inputs), 0);
@@ -107,7 +106,7 @@ impl<'d> MainDevice<'d> {
         Ok(data.split_off(outputs.len()))
     }
 
-    /// Writes to a register or to memory of the controller.
+    /// Writes registers or memory of the controller.
     pub async fn write(&mut self, address: u16, bytes: &[u8]) -> Result<(), Refusal> {
         self.send(Builder::default().device(Command::Apwr, 0, address, bytes)).await.map(|_| ())
     }
@@ -133,7 +132,7 @@ impl<'d> MainDevice<'d> {
         }
     }
 
-    /// Sets up SyncManagers, and for process data the FMMUs before them.
+    /// Sets up SyncManagers, and the FMMUs of process data.
     async fn set_up(&mut self, channels: &[Channel]) -> Result<(), Refusal> {
         for &channel in channels {
             if let Some((register, block)) = fmmu(self.device, channel, LOGICAL) {
@@ -148,7 +147,7 @@ impl<'d> MainDevice<'d> {
         self.device.default_bytes(channel).into()
     }
 
-    /// Lets a frame with one datagram pass, and gives the SubDevice time; the datagram's data.
+    /// Sends a frame with one datagram, and lets the SubDevice react; returns the datagram's data.
     async fn send(&mut self, frame: Builder) -> Result<Vec<u8>, Refusal> {
         let mut frame = frame.build();
         let came_back = self.chip.borrow_mut().pass(now(), &mut frame);

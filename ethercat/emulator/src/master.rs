@@ -12,20 +12,20 @@ use super::cable::Cable;
 const FRAMES: usize = 16;
 /// Bytes of data in a frame.
 pub const DATA_BYTES: usize = 1100;
-/// A start-up synchronises clocks with so many frames; a single device has nothing to synchronise.
+/// Frames that synchronise clocks at start-up; few, as a single device has nothing to synchronise.
 const CLOCK_FRAMES: u32 = 10;
 
-/// Memory for a MainDevice's frames.
+/// Frame storage of a MainDevice.
 pub type Storage = PduStorage<FRAMES, { PduStorage::element_size(DATA_BYTES) }>;
 
-/// A frame that is not back by then is lost; lower than usual, so that an EEPROM read outlives some lost ones.
+/// A frame not returned by then is lost; shorter than the default, so that an EEPROM read survives a few losses.
 const FRAME_TIMEOUT: Duration = Duration::from_millis(3);
 const EEPROM_TIMEOUT: Duration = Duration::from_millis(100);
-/// On the wall clock.
+/// For the wall clock.
 const PATIENCE: Duration = Duration::from_secs(15);
 const POLL_INTERVAL: Duration = Duration::from_millis(1);
 
-/// A MainDevice that asks again up to `retries` times when no answer comes.
+/// A MainDevice that retries up to `retries` times without a response.
 pub fn main_device(pdu_loop: PduLoop<'_>, retries: usize) -> MainDevice<'_> {
     let config = MainDeviceConfig {
         dc_static_sync_iterations: CLOCK_FRAMES,
@@ -35,7 +35,7 @@ pub fn main_device(pdu_loop: PduLoop<'_>, retries: usize) -> MainDevice<'_> {
     MainDevice::new(pdu_loop, timeouts, config)
 }
 
-/// A MainDevice on the wall clock, which waits as long as a busy host may let it wait.
+/// A MainDevice on the wall clock, with timeouts that suit a busy host.
 pub fn patient_main_device(pdu_loop: PduLoop<'_>) -> MainDevice<'_> {
     let config = MainDeviceConfig { dc_static_sync_iterations: CLOCK_FRAMES, ..MainDeviceConfig::default() };
     let timeouts = Timeouts {
@@ -49,11 +49,11 @@ pub fn patient_main_device(pdu_loop: PduLoop<'_>) -> MainDevice<'_> {
     MainDevice::new(pdu_loop, timeouts, config)
 }
 
-/// Carries a MainDevice's frames over `cable`, for ever.
+/// Carries a MainDevice's frames over `cable` forever.
 pub async fn pump(mut tx: PduTx<'_>, mut rx: PduRx<'_>, mut cable: Cable) -> Infallible {
     loop {
         for answer in cable.carry(next_frame(&mut tx).await).await {
-            // What comes twice or too late nobody waits for any more: an error here is the master's right answer to it.
+            // Frames that return twice or late have no receiver: an error is the master's correct reaction.
             let _ = rx.receive_frame(&answer);
         }
     }

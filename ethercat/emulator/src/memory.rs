@@ -1,4 +1,4 @@
-//! A chip's bytes, with numbers in the order of the wire.
+//! A chip's memory, with numbers in wire order.
 
 /// Registers and process data memory of a chip.
 #[derive(Debug, Clone)]
@@ -25,7 +25,7 @@ impl Memory {
         *self.0[usize::from(address)..].first_chunk().expect("registers are within the memory")
     }
 
-    /// Up to `count` bytes: as many as there are.
+    /// Up to `count` bytes, limited by the end of the memory.
     pub(crate) fn span(&self, address: u16, count: u16) -> &[u8] {
         let start = usize::from(address).min(self.0.len());
         &self.0[start..(start + usize::from(count)).min(self.0.len())]

@@ -1,4 +1,4 @@
-//! A network interface as the cable: MainDevices in other programs reach the segment by real frames, on the wall clock.
+//! A network interface as the cable: MainDevices in other programs reach the segment with real frames, on the wall clock.
 
 use std::future::Future;
 use std::io::{self, ErrorKind};
@@ -16,22 +16,22 @@ use mobgate_world::wall_clock::{run_beside, wait};
 pub struct PacketSocket(Interface);
 
 impl PacketSocket {
-    /// Opens a socket on `interface`. Needs the right to do so, which everybody has in a network namespace of their own.
+    /// Opens a socket on `interface`. Requires CAP_NET_RAW, which everyone has in a network namespace of their own.
     pub fn open(interface: &str) -> Result<Self, InterfaceError> {
         Interface::open(interface).map(Self)
     }
 
-    /// Passes a frame through `segment` that has come, or waits for one until a time.
+    /// Passes a received frame through `segment`, or waits for one until a time.
     pub fn pass(&self, segment: &SharedSegment, until: Option<Instant>) -> io::Result<()> {
         if self.pass_one(segment)? { Ok(()) } else { wait(&[self.0.as_fd()], until) }
     }
 
-    /// Passes a frame through `segment` that has come; says whether one had.
+    /// Passes a received frame through `segment`; returns whether there was one.
     fn pass_one(&self, segment: &SharedSegment) -> io::Result<bool> {
         self.carry(self, |frame| segment.borrow_mut().pass(now(), frame, Fate::Intact))
     }
 
-    /// Takes a frame that has come, and sends it out `behind` if it `passes`; says whether one had come.
+    /// Takes a received frame, and sends it out at `behind` if it `passes`; returns whether there was one.
     fn carry(&self, behind: &Self, passes: impl FnOnce(&mut [u8]) -> bool) -> io::Result<bool> {
         let mut frame = [0; FRAME_BYTES_MAX];
         let frame = match self.0.receive(&mut frame) {
@@ -46,7 +46,7 @@ impl PacketSocket {
     }
 }
 
-/// Passes every frame that comes at `socket` through `segment`, until `device` is done, which runs between the frames.
+/// Passes every frame received at `socket` through `segment`, until `device` completes, which runs between frames.
 pub fn serve<T>(
     socket: &PacketSocket,
     segment: &SharedSegment,
@@ -55,7 +55,7 @@ pub fn serve<T>(
     run_beside(&[socket.0.as_fd()], || socket.pass_one(segment), device)
 }
 
-/// The same with a ring: what comes at the one of `ends` leaves by the other.
+/// The same with a ring: frames received at one of `ends` leave at the other.
 pub fn serve_ring<T>(
     ends: [&PacketSocket; 2],
     ring: &SharedSegment,

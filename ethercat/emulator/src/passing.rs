@@ -1,4 +1,4 @@
-//! A frame's way through a chip: datagram by datagram, with its effects at the end (I, Frame Processing, "Shadow buffer").
+//! Processing of a frame by a chip: datagram by datagram, with effects at its end (I, Frame Processing, "Shadow buffer").
 
 use std::ops::Range;
 
@@ -10,18 +10,18 @@ use crate::frame::Datagram;
 use crate::registers::*;
 use crate::sync_manager::{Side, SyncManagers};
 
-/// Bytes that a frame writes at its end.
+/// Bytes written at the end of the frame.
 #[derive(Debug, Clone)]
 struct Write {
     datagram: usize,
     address: u16,
-    /// Where they are among the values.
+    /// Their range in the collected values.
     values: Range<usize>,
-    /// The bits of each that are written.
+    /// The bits written in each byte.
     mask: u8,
 }
 
-/// What a frame will have done when it turns out to be good.
+/// Collected effects of a frame, applied if it turns out good.
 #[derive(Debug)]
 struct Pending {
     writes: Vec<Write>,
@@ -33,7 +33,7 @@ struct Pending {
 }
 
 impl Pending {
-    /// Notes what is written; with a `mask` that leaves bits out it is one byte.
+    /// Collects a write; a partial `mask` applies to a single byte.
     fn write(&mut self, address: u16, values: &[u8], mask: u8) {
         let start = self.values.len();
         self.values.extend_from_slice(values);
@@ -43,8 +43,8 @@ impl Pending {
 }
 
 impl Chip {
-    /// Processes the datagrams of a frame on their way through. Unless the frame is `good` at its end, nothing of it has
-    /// happened to the chip, but what it carries on is changed.
+    /// Processes the datagrams of a frame. Unless the frame is `good` at its end, it has no effect on the chip, but is passed on
+    /// modified.
     pub(crate) fn frame<'f>(&mut self, at: Nanos, datagrams: impl Iterator<Item = Datagram<'f>>, good: bool) {
         self.advance(at);
         let mut pending = Pending {
@@ -95,7 +95,7 @@ impl Chip {
         device == self.memory.word(STATION) || alias_enabled && device == self.memory.word(ALIAS)
     }
 
-    /// Reads and writes from `offset` on; whether at least one byte could be read, and written.
+    /// Reads and writes from `offset` on; returns whether at least one byte was read, and written.
     fn physical(&self, offset: u16, data: &mut [u8], action: Action, pending: &mut Pending) -> (bool, bool) {
         let (mut read, mut written) = (false, false);
         for (nth, byte) in (0..).zip(data) {
@@ -176,7 +176,7 @@ impl Chip {
         true
     }
 
-    /// Reads bytes of process data memory; whether at least one could be read.
+    /// Reads bytes of process data memory; returns whether at least one was read.
     fn ecat_read_all(&self, address: u16, into: &mut [u8], pending: &mut Pending) -> bool {
         let (mut read, mut done) = (false, 0);
         while done < into.len() {
@@ -190,7 +190,7 @@ impl Chip {
         read
     }
 
-    /// Writes bytes of process data memory; whether at least one could be written.
+    /// Writes bytes of process data memory; returns whether at least one was written.
     fn ecat_write_all(&self, address: u16, bytes: &[u8], pending: &mut Pending) -> bool {
         let (mut written, mut done) = (false, 0);
         while done < bytes.len() {
@@ -206,7 +206,7 @@ impl Chip {
         written
     }
 
-    /// The end of a good frame: its effects, datagram by datagram.
+    /// Applies the effects of a good frame, datagram by datagram.
     fn commit(&mut self, at: Nanos, pending: Pending) {
         self.events.al_status &= !pending.al_status_read;
         self.events.dl_status &= !pending.dl_status_read;

@@ -1,10 +1,10 @@
-//! Captures of frames, as Wireshark reads them.
+//! Captures of frames for Wireshark.
 
 use std::io::{self, Write};
 
 use super::Nanos;
 
-/// Marks a capture whose times count nanoseconds.
+/// Marks a capture with nanosecond timestamps.
 const MAGIC: u32 = 0xA1B2_3C4D;
 const VERSION: [u16; 2] = [2, 4];
 const FRAME_BYTES_MAX: u32 = 65_535;
@@ -15,13 +15,13 @@ const NANOS_PER_SECOND: u64 = 1_000_000_000;
 pub struct Pcap<W>(W);
 
 impl<W: Write> Pcap<W> {
-    /// Begins a capture.
+    /// Starts a capture.
     pub fn new(mut into: W) -> io::Result<Self> {
         into.write_all(&MAGIC.to_le_bytes())?;
         for half in VERSION {
             into.write_all(&half.to_le_bytes())?;
         }
-        // Time zone and accuracy, which nobody uses.
+        // Time zone and accuracy, unused in practice.
         into.write_all(&[0; 8])?;
         into.write_all(&FRAME_BYTES_MAX.to_le_bytes())?;
         into.write_all(&LINK_ETHERNET.to_le_bytes())?;

@@ -14,7 +14,7 @@ use crate::chip::SharedChip;
 use crate::registers::AL_EVENT;
 use crate::{Nanos, now};
 
-/// Direct access to a chip's registers and memory, without a bus between; an access takes no time.
+/// Direct access to a chip's registers and memory, without a bus; an access takes no time.
 pub struct DirectPdi(SharedChip);
 
 impl DirectPdi {
@@ -42,8 +42,7 @@ impl Esc for DirectPdi {
     }
 }
 
-/// An interrupt line (I, Interrupts, "AL event request"): of the chip itself it is high while an event that the AL event
-/// mask lets through is requested.
+/// An interrupt line (I, Interrupts, "AL event request"). The chip's own line is high while an unmasked AL event is requested.
 pub struct Interrupt {
     chip: SharedChip,
     level: Box<dyn FnMut(Nanos) -> bool>,
@@ -56,12 +55,12 @@ impl Interrupt {
         Self::with_level(chip, move |at| line.borrow_mut().interrupt(at))
     }
 
-    /// A line with this level, which changes only when `chip` changes.
+    /// A line with this level, which changes only with `chip`.
     pub fn with_level(chip: SharedChip, level: impl FnMut(Nanos) -> bool + 'static) -> Self {
         Self { chip, level: Box::new(level) }
     }
 
-    /// The same line behind an inverter: for those that ask by a low level.
+    /// The same line inverted, for active-low inputs.
     #[must_use]
     pub fn inverted(self) -> Self {
         let mut level = self.level;
@@ -92,7 +91,7 @@ pub(crate) async fn changed(chip: &SharedChip) {
     .await;
 }
 
-/// Waits for a time of the chip, or for ever.
+/// Waits for a chip time; `None` waits forever.
 pub(crate) async fn until(time: Option<Nanos>) {
     match time {
         Some(time) => Timer::at(Instant::from_micros(time.div_ceil(1_000))).await,

@@ -1,4 +1,4 @@
-//! The ports of a chip: which are open, and a frame's way from one of them through the processing unit to the next (I, Frame
+//! The ports of a chip: their state, and a frame's path from one of them through the processing unit to the next (I, Frame
 //! Processing).
 
 use crate::chip::Chip;
@@ -6,21 +6,20 @@ use crate::frame::{datagrams, is_ethercat, mark_passed};
 use crate::registers::{LOST_LINK, RECEIVE_TIMES};
 use crate::{Command, Nanos};
 
-/// Preamble and check sequence.
+/// Bytes of preamble and FCS.
 const AROUND_BYTES: Nanos = 12;
 /// At 100 Mbit/s.
 const NANOS_PER_BYTE: Nanos = 80;
 
 impl Chip {
-    /// Lets a frame that came in good condition pass the last chip of a line, whose answer it is then; false if it does not
-    /// come back, as one that is not EtherCAT (I, Frame Processing; "Non-EtherCAT protocols").
+    /// Passes an intact frame through the last chip of a line, which returns it. False if it is dropped, as frames that are not
+    /// EtherCAT (I, Frame Processing; "Non-EtherCAT protocols").
     pub fn pass(&mut self, at: Nanos, frame: &mut [u8]) -> bool {
         self.pass_on(at, frame, None, true)
     }
 
-    /// Lets a frame pass on a line. `returned` is when it comes back from the chips behind this one, if there are any.
-    /// Unless it is `good` at its end, what it carries is changed and nothing has happened to the chip. False if it goes no
-    /// further.
+    /// Passes a frame through a chip of a line. `returned` is when it comes back from the chips behind this one, if any. Unless it
+    /// is `good` at its end, it is modified without effect on the chip. False if it is dropped.
     pub fn pass_on(&mut self, at: Nanos, frame: &mut [u8], returned: Option<Nanos>, good: bool) -> bool {
         if !is_ethercat(frame) || !self.closed_port_lets_pass(frame) {
             return false;
@@ -34,8 +33,8 @@ impl Chip {
         true
     }
 
-    /// Opens a port, or closes it as when its link is lost. Port 0 leads to the MainDevice and is open at first, port 1 to the
-    /// next chip (I, Frame Processing, "Loop control"; II, 0110h and 0310h).
+    /// Opens a port, or closes it as on link loss. Port 0 leads to the MainDevice and is initially open, port 1 leads to the next
+    /// chip (I, Frame Processing, "Loop control"; II, 0110h and 0310h).
     pub fn set_port(&mut self, port: usize, open: bool) {
         if self.ports[port] != open {
             self.ports[port] = open;
@@ -47,8 +46,8 @@ impl Chip {
         }
     }
 
-    /// Circulating frames (I, Frame Processing): one that passes a closed port 0 is marked; one that carries the mark
-    /// already circulates, and is taken off.
+    /// Circulating frames (I, Frame Processing): a frame that passes a closed port 0 is marked; a marked frame is circulating, and
+    /// is dropped.
     fn closed_port_lets_pass(&self, frame: &mut [u8]) -> bool {
         self.ports[0]
             || datagrams(frame).all(|mut datagram| {

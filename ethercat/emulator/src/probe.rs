@@ -1,9 +1,9 @@
-//! Single datagrams for tests: sent through a segment at the present time, with what came back.
+//! Single datagrams for tests: sent through a segment now, with their response.
 
 use super::frame::{Builder, datagrams};
 use super::{Command, Fate, Segment, now};
 
-/// What a datagram brought back.
+/// A returned datagram.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Answer {
     /// Its data.
@@ -12,25 +12,25 @@ pub struct Answer {
     pub counter: u16,
     /// Its interrupt field.
     pub interrupts: u16,
-    /// Its device address, which position and broadcast commands count up.
+    /// Its device address, incremented by position and broadcast commands.
     pub device: u16,
 }
 
 impl Segment {
-    /// Sends one datagram with the address in two halves.
+    /// Sends a datagram with the address in two halves.
     pub fn send(&mut self, command: Command, device: u16, offset: u16, data: &[u8]) -> Answer {
         self.send_frame(Builder::default().device(command, device, offset, data)).remove(0)
     }
 
-    /// Sends one datagram for a logical address.
+    /// Sends a datagram with a logical address.
     pub fn send_logical(&mut self, command: Command, address: u32, data: &[u8]) -> Answer {
         self.send_frame(Builder::default().logical(command, address, data)).remove(0)
     }
 
-    /// Sends a frame; an answer for each of its datagrams.
+    /// Sends a frame; returns an answer per datagram.
     ///
     /// # Panics
-    /// When the frame does not come back.
+    /// If the frame does not come back.
     pub fn send_frame(&mut self, frame: Builder) -> Vec<Answer> {
         let mut bytes = frame.build();
         assert!(self.pass(now(), &mut bytes, Fate::Intact), "the frame comes back");
@@ -43,12 +43,12 @@ impl Segment {
         datagrams(&mut bytes).map(answer).collect()
     }
 
-    /// Writes to the device in place `nth`; the working counter.
+    /// Writes to device number `nth`; returns the working counter.
     pub fn poke(&mut self, nth: u16, offset: u16, data: &[u8]) -> u16 {
         self.send(Command::Apwr, nth.wrapping_neg(), offset, data).counter
     }
 
-    /// Reads `bytes` from the device in place `nth`; `None` if it did not answer.
+    /// Reads `bytes` from device number `nth`; `None` if it did not respond.
     pub fn fetch(&mut self, nth: u16, offset: u16, bytes: usize) -> Option<Vec<u8>> {
         let answer = self.send(Command::Aprd, nth.wrapping_neg(), offset, &vec![0; bytes]);
         (answer.counter == 1).then_some(answer.data)

@@ -1,4 +1,4 @@
-//! The register map: names, and which side may write what (II, which has them in this order).
+//! The register map: names, and each side's write permissions (in the order of II).
 
 use std::ops::RangeInclusive;
 
@@ -43,7 +43,7 @@ registers! {
     AL_EVENT = 0x0220;
     /// Error counters of the ports, forwarded errors, processing unit, PDI.
     ERROR_COUNTERS = 0x0300;
-    /// Frames that the processing unit could not take.
+    /// Frames rejected by the processing unit.
     PROCESSING_ERRORS = 0x030C;
     /// Lost link counters.
     LOST_LINK = 0x0310;
@@ -57,9 +57,9 @@ registers! {
     WATCHDOG_STATUS = 0x0440;
     /// Watchdog counters: process data, PDI.
     WATCHDOG_COUNTERS = 0x0442;
-    /// Who may use the EEPROM.
+    /// Assignment of the EEPROM interface.
     EEPROM_CONFIG = 0x0500;
-    /// Whether the processor uses it.
+    /// Whether the processor uses the EEPROM interface.
     EEPROM_PDI = 0x0501;
     /// EEPROM control and status.
     EEPROM_CONTROL = 0x0502;
@@ -87,7 +87,7 @@ registers! {
     SPEED_START = 0x0930;
     /// Filter depths of the control loop.
     FILTERS = 0x0934;
-    /// Who controls the SYNC unit.
+    /// Assignment of the SYNC unit.
     SYNC_UNIT = 0x0980;
     /// SYNC activation.
     SYNC_ACTIVATION = 0x0981;
@@ -109,7 +109,7 @@ registers! {
     PROCESS_RAM = 0x1000;
 }
 
-/// Registers that the MainDevice may write whatever the chip's state.
+/// Registers that the MainDevice may always write.
 const ECAT_WRITES: [RangeInclusive<u16>; 19] = [
     0x0010..=0x0011,
     0x0040..=0x0040,
@@ -132,7 +132,7 @@ const ECAT_WRITES: [RangeInclusive<u16>; 19] = [
     0x0F80..=0x0FFF,
 ];
 
-/// Registers that the processor may write whatever the chip's state.
+/// Registers that the processor may always write.
 const PDI_WRITES: [RangeInclusive<u16>; 7] = [
     0x0012..=0x0013,
     0x0041..=0x0041,
@@ -143,7 +143,7 @@ const PDI_WRITES: [RangeInclusive<u16>; 7] = [
     0x0F80..=0x0FFF,
 ];
 
-/// The SYNC unit's own registers, which follow register 0980h bit 0.
+/// The SYNC unit's registers, assigned by register 0980h bit 0.
 const SYNC_WRITES: [RangeInclusive<u16>; 3] = [0x0981..=0x0981, 0x0990..=0x0997, 0x09A0..=0x09A7];
 
 fn among(ranges: &[RangeInclusive<u16>], address: u16) -> bool {

@@ -1,4 +1,4 @@
-//! Power-on and reset: the registers' first values (II), and what comes from the EEPROM (I, SII EEPROM, "ESC configuration
+//! Power-on and reset: initial register values (II), and the configuration from the EEPROM (I, SII EEPROM, "ESC configuration
 //! area").
 
 use crate::chip::Chip;
@@ -7,13 +7,13 @@ use crate::registers::*;
 use crate::sync_manager::SyncManagers;
 use crate::watchdog::Watchdog;
 
-/// Process data memory after power-on: anything but zeros.
+/// Process data memory after power-on: undefined, so not zeros.
 const UNDEFINED: u8 = 0xA5;
 /// Ports: two with MII, two absent.
 const PORTS: u8 = 0x0F;
 
 impl Chip {
-    /// Starts the chip anew, as at power-on. The EEPROM keeps its content, the clock runs on.
+    /// Resets the chip, as at power-on. The EEPROM keeps its content, the clock runs on.
     pub fn reset(&mut self) {
         let end = (self.memory.len() - 1) as u16;
         self.memory.clear(0..=PROCESS_RAM - 1);
@@ -29,7 +29,7 @@ impl Chip {
         self.first_values();
         if let Some(config) = self.eeprom.load() {
             self.configure(&config);
-            // Only now: the alias does not follow a reload.
+            // Only at reset: a reload does not update the alias.
             self.memory.put(ALIAS, &config[8..10]);
         }
         self.clock.activate(&self.memory, 0);
@@ -50,7 +50,7 @@ impl Chip {
         self.memory.put(FILTERS, &[4, 12]);
     }
 
-    /// Takes over the configuration area: PDI, SYNC pulse.
+    /// Applies the configuration area: PDI, SYNC pulse.
     pub(crate) fn configure(&mut self, config: &[u8; 16]) {
         self.memory.put(PDI_CONTROL, &config[0..2]);
         self.memory.put(PDI_CONFIG, &config[2..4]);

@@ -1,4 +1,4 @@
-//! Samples for tests of chips: segments to start with, and settings as MainDevices write them.
+//! Samples for chip tests: segments, and settings as MainDevices write them.
 
 use crate::eeprom::Eeprom;
 use crate::{Chip, Kind, Segment};
@@ -26,7 +26,7 @@ pub const FMMUS: [u8; 48] = [
     0xF0, 0, 0, 0, 0x01, 0, 0, 7, 0x0D, 0x08, 0, 1, 1, 0, 0, 0,
 ];
 
-/// The beginning of an EEPROM with a good check byte: SPI, nothing emulated, SYNC0 as an event, this alias.
+/// The start of an EEPROM with a valid checksum: SPI, no device emulation, SYNC0 as an event, this alias.
 pub fn eeprom(alias: u16) -> Vec<u8> {
     let mut content = vec![0xFF; 2048];
     content[..14].copy_from_slice(&[0x80, 0x00, 0x00, 0x08, 0x00, 0x00, 0, 0, 0, 0, 0, 0, 0, 0]);

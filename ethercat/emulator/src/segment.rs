@@ -1,4 +1,4 @@
-//! A line of chips: a frame passes one after the other and comes back from the last; or a ring that may be cut.
+//! A line of chips, which a frame passes in order and returns from the last; or a ring that may be cut.
 
 use std::cell::RefCell;
 use std::rc::Rc;
@@ -6,17 +6,17 @@ use std::rc::Rc;
 use super::frame::is_ethercat;
 use super::{Chip, Nanos, SharedChip};
 
-/// From one chip to the next: cable and forwarding.
+/// Delay from one chip to the next: cable and forwarding.
 const HOP_NANOS: Nanos = 500;
 
-/// What happens to a frame on its way.
+/// The fate of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Fate {
-    /// It comes back.
+    /// It returns.
     Intact,
-    /// It vanishes before this device; behind the last, on the way back.
+    /// Lost before this device; one past the last means on the way back.
     Lost(usize),
-    /// A bit falls over before this device; behind the last, on the way back. Those behind do not believe what it says.
+    /// A bit flips before this device; one past the last means on the way back. Devices after it reject the frame.
     Damaged(usize),
 }
 
@@ -36,15 +36,15 @@ impl Segment {
         segment
     }
 
-    /// The chip in place `nth`.
+    /// Chip number `nth`.
     ///
     /// # Panics
-    /// When there are not so many.
+    /// If there are fewer chips.
     pub fn chip(&self, nth: usize) -> SharedChip {
         self.chips[nth].clone()
     }
 
-    /// How many chips there are.
+    /// Number of chips.
     #[expect(clippy::len_without_is_empty, reason = "a line without devices is no line")]
     pub fn len(&self) -> usize {
         self.chips.len()
@@ -55,7 +55,7 @@ impl Segment {
         self.link(true);
     }
 
-    /// Cuts the cable before the device in place `nth` of a ring.
+    /// Cuts the cable before device number `nth` of a ring.
     pub fn cut(&mut self, nth: usize) {
         self.cut = Some(nth);
         for (at, chip) in self.chips.iter().enumerate() {
@@ -74,14 +74,14 @@ impl Segment {
         }
     }
 
-    /// Sends `frame` through the line from its first end, changing it on its way; whether it comes back to be believed.
+    /// Sends `frame` into the line from its first end, modifying it; returns whether it comes back intact.
     pub fn pass(&mut self, at: Nanos, frame: &mut [u8], fate: Fate) -> bool {
         let reached = self.cut.unwrap_or(self.chips.len());
         self.through(at, frame, fate, 0..reached)
     }
 
-    /// Sends `frame` into a ring from its second end. Only behind a cut it is processed: by the chips in the order of the
-    /// line, since each processes what comes from its first port. Else it comes out at the first end as it was.
+    /// Sends `frame` into a ring from its second end. It is processed only behind a cut: by the chips in line order, since each
+    /// processes frames from its first port. Otherwise it leaves unmodified at the first end.
     pub fn pass_back(&mut self, at: Nanos, frame: &mut [u8], fate: Fate) -> bool {
         match self.cut {
             Some(cut) => self.through(at, frame, fate, cut..self.chips.len()),
@@ -90,7 +90,7 @@ impl Segment {
     }
 
     fn through(&mut self, at: Nanos, frame: &mut [u8], fate: Fate, range: std::ops::Range<usize>) -> bool {
-        // Before a cut there may be no chip to look.
+        // Before a cut there may be no chip to check.
         if !is_ethercat(frame) {
             return false;
         }

@@ -1,10 +1,10 @@
-//! An EtherCAT SubDevice on a simulated chip: an application that knows every image again, faults on the way to the chip, and
-//! a MainDevice that starts it.
+//! An EtherCAT SubDevice on an emulated chip: an application that recognises each image, faults on the bus to the chip, and a
+//! MainDevice that starts it.
 
 mod echo;
 mod faulty;
 mod paced;
-#[cfg(feature = "ethercrab")] // It is a crate of its own.
+#[cfg(feature = "ethercrab")] // Needs the ethercrab crate.
 mod start;
 
 use std::cell::RefCell;
@@ -31,10 +31,10 @@ pub use start::{
     exchange_images, exchange_images_on, spi_traffic, start_up, with_master,
 };
 
-/// A line with one LAN9252 whose EEPROM says what `device` is.
+/// A line with one LAN9252 whose EEPROM describes `device`.
 ///
 /// # Panics
-/// When the device's description does not fit into the EEPROM.
+/// If the device's description does not fit into the EEPROM.
 pub fn line_of(device: &Device) -> SharedSegment {
     line_of_kind(Kind::LAN9252, device)
 }
@@ -47,12 +47,12 @@ pub fn line_of_kind(kind: Kind, device: &Device) -> SharedSegment {
     Rc::new(RefCell::new(Segment::new([Chip::with_sii(kind, device)])))
 }
 
-/// A chip that is reached directly, and its interrupt.
+/// Direct access to a chip, and its interrupt.
 pub fn direct(chip: SharedChip) -> (DirectPdi, Interrupt) {
     (DirectPdi::new(chip.clone()), Interrupt::new(chip))
 }
 
-/// Runs a SubDevice that is woken by `interrupt`.
+/// Runs a SubDevice woken by `interrupt`.
 pub fn spawn<'w, const OUTPUTS: usize, const INPUTS: usize>(
     world: &World<'w>,
     mut sub_device: SubDevice<impl Esc + 'w, impl Application + 'w, OUTPUTS, INPUTS>,
@@ -65,7 +65,7 @@ pub fn spawn<'w, const OUTPUTS: usize, const INPUTS: usize>(
     });
 }
 
-/// The same with a processor that notes a rising edge of `interrupt` until it is asked for it, and never looks at the level.
+/// The same with a processor that latches rising edges of `interrupt`, and never samples the level.
 pub fn spawn_by_edges<'w, const OUTPUTS: usize, const INPUTS: usize>(
     world: &World<'w>,
     mut sub_device: SubDevice<impl Esc + 'w, impl Application + 'w, OUTPUTS, INPUTS>,

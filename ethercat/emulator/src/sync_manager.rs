@@ -1,8 +1,8 @@
-//! SyncManagers: memory that changes hands between the MainDevice and the processor, as a mailbox or by three buffers (I,
-//! SyncManager; II, 0800h to 087Fh).
+//! SyncManagers: memory exchanged between the MainDevice and the processor, as a mailbox or by three buffers (I, SyncManager; II,
+//! 0800h to 087Fh).
 //!
-//! A state lives beside the registers and is stepped byte by byte. It is small and [`Copy`]: a frame steps a copy, which
-//! takes the place of the state when the frame was good.
+//! The state lives beside the registers and is stepped byte by byte. It is small and [`Copy`]: a frame steps a copy, which replaces
+//! the state if the frame was good.
 
 use crate::memory::Memory;
 use crate::registers::SYNC_MANAGER;
@@ -16,10 +16,10 @@ pub(crate) const ACTIVATE: u16 = 6;
 pub(crate) const PDI_CONTROL: u16 = 7;
 /// In PDI control: the processor switches it off.
 pub(crate) const OFF: u8 = 1;
-/// The status says "buffer 3" when none has been written.
+/// Buffer number in the status while none has been written.
 const NEVER_WRITTEN: u8 = 3;
 
-/// Who accesses a chip's memory.
+/// Side of an access to a chip's memory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Side {
     /// The MainDevice, by frames.
@@ -28,18 +28,18 @@ pub enum Side {
     Pdi,
 }
 
-/// What the registers of a SyncManager say.
+/// A SyncManager's register settings.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Setup {
     start: u16,
     length: u16,
     control: u8,
     enabled: bool,
-    /// The processor has switched it off, which the MainDevice switched on.
+    /// Switched on by the MainDevice, but off by the processor.
     held: bool,
-    /// Behind the last of its buffers.
+    /// End of its last buffer, exclusive.
     end: u16,
-    /// All of this as the registers say it.
+    /// The registers that these settings come from.
     registers: [u8; 8],
 }
 
@@ -73,18 +73,18 @@ impl Setup {
         self.control & 0x40 != 0
     }
 
-    /// Where the byte at `offset` of a buffer lies, unless the buffers lead out of all memory.
+    /// The address of byte `offset` in a buffer; `None` beyond the memory.
     fn place(&self, buffer: u16, offset: u16) -> Option<u16> {
         buffer.checked_mul(self.length)?.checked_add(self.start)?.checked_add(offset)
     }
 
-    /// One byte in buffered mode is not buffered.
+    /// A single byte in buffered mode is not buffered.
     fn is_direct(&self) -> bool {
         !self.is_mailbox() && self.length == 1
     }
 }
 
-/// What a SyncManager remembers beside its registers.
+/// A SyncManager's state beside its registers.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct State {
     write_event: bool,
@@ -111,13 +111,13 @@ impl State {
             | u8::from(self.writing) << 7
     }
 
-    /// Whether `side` is to be told that it has something to do: something to fetch, or room for the next.
+    /// Whether `side` has an event: data to fetch, or room for more.
     pub(crate) fn event_for(&self, side: Side, setup: Setup) -> bool {
         let enabled = setup.control & if side == Side::Ecat { 0x10 } else { 0x20 } != 0;
         enabled && if setup.producer() == side { self.read_event } else { self.write_event }
     }
 
-    /// Steps for `count` bytes that `side` writes; where the first one goes, or `None` if they must not be written.
+    /// Steps for `count` bytes that `side` writes; returns the address of the first, or `None` if the write is refused.
     pub(crate) fn write(&mut self, setup: Setup, side: Side, offset: u16, count: u16) -> Option<u16> {
         if side != setup.producer() || setup.is_mailbox() && self.full {
             return None;
@@ -140,7 +140,7 @@ impl State {
         setup.place(self.write_buffer, offset)
     }
 
-    /// Steps for `count` bytes that `side` reads; where the first one comes from, or `None` if there is nothing for it to read.
+    /// Steps for `count` bytes that `side` reads; returns the address of the first, or `None` without data for it.
     pub(crate) fn read(&mut self, setup: Setup, side: Side, offset: u16, count: u16) -> Option<u16> {
         if setup.is_direct() {
             self.write_event &= side == setup.producer();
@@ -165,7 +165,7 @@ impl State {
         setup.place(self.read_buffer, offset)
     }
 
-    /// A buffer that holds neither the latest data nor those that are being read.
+    /// A buffer with neither the latest data nor data being read.
     fn free_buffer(&self, setup: Setup) -> u16 {
         if setup.is_mailbox() || setup.is_direct() {
             return 0;
@@ -175,7 +175,7 @@ impl State {
     }
 }
 
-/// The SyncManagers of a chip, each with what its registers said when they were last looked at.
+/// The SyncManagers of a chip, each with its last known settings.
 #[derive(Debug, Clone)]
 pub(crate) struct SyncManagers(Vec<(Setup, State)>);
 
@@ -184,11 +184,11 @@ impl SyncManagers {
         Self((0..usize::from(count)).map(|nth| (Setup::of(memory, nth), State::default())).collect())
     }
 
-    /// Takes over what the registers say, and shows the states in them. One that is off forgets what it held.
+    /// Takes over register changes, and updates the status registers. A SyncManager that is off is cleared.
     pub(crate) fn refresh(&mut self, memory: &mut Memory) {
         for (nth, (setup, state)) in self.0.iter_mut().enumerate() {
             let base = SYNC_MANAGER + BYTES * nth as u16;
-            // Its own writing of the status is no news.
+            // Status updates are not setting changes.
             if memory.bytes(base) != setup.registers {
                 *setup = Setup::of(memory, nth);
             }
@@ -201,19 +201,18 @@ impl SyncManagers {
         }
     }
 
-    /// Whether the processor has switched the one off whose PDI control is at `address`.
+    /// Whether the processor switched off the SyncManager whose PDI control is at `address`.
     pub(crate) fn is_held(&self, address: u16) -> bool {
         let nth = usize::from((address - SYNC_MANAGER) / BYTES);
         self.0.get(nth).is_some_and(|(setup, _)| setup.registers[usize::from(PDI_CONTROL)] & OFF != 0)
     }
 
-    /// Where the byte at `address` of the process data memory really lies for `side`, after the step that the access means.
+    /// Steps for an access by `side`; returns where the byte at `address` really is.
     pub(crate) fn step(&mut self, side: Side, write: bool, address: u16) -> Option<u16> {
         self.steps(side, write, address, 1).0
     }
 
-    /// The same for up to `most` bytes from `address` on that lie one behind the other: where the first one does, and how
-    /// many they are.
+    /// The same for up to `most` contiguous bytes from `address` on: returns the address of the first, and their count.
     pub(crate) fn steps(&mut self, side: Side, write: bool, address: u16, most: u16) -> (Option<u16>, u16) {
         let mut most = most;
         for (setup, state) in &mut self.0 {
@@ -225,10 +224,10 @@ impl SyncManagers {
             }
             let offset = address - setup.start;
             if setup.held {
-                // The MainDevice sees by the working counter that nobody is at home.
+                // The working counter tells the MainDevice that nothing was processed.
                 return ((side == Side::Pdi).then_some(address), most.min(setup.end - address));
             }
-            // The second and third buffer are reached only through the first one's addresses.
+            // The second and third buffer are only accessible through the addresses of the first.
             if offset >= setup.length {
                 return (None, most.min(setup.end - address));
             }
@@ -242,14 +241,14 @@ impl SyncManagers {
         (Some(address), most)
     }
 
-    /// Whether a buffer that feeds the watchdog was completely written since this was last asked.
+    /// Whether a buffer that triggers the watchdog was completely written since the last call.
     pub(crate) fn take_watchdog_trigger(&mut self) -> bool {
         self.0.iter_mut().fold(false, |fed, (setup, state)| {
             fed | (std::mem::take(&mut state.completed) && setup.triggers_watchdog())
         })
     }
 
-    /// Those that have something to tell to `side`.
+    /// The SyncManagers with an event for `side`.
     pub(crate) fn events(&self, side: Side) -> impl Iterator<Item = usize> {
         let told = move |(setup, state): &(Setup, State)| setup.enabled && state.event_for(side, *setup);
         self.0.iter().enumerate().filter(move |(_, manager)| told(manager)).map(|(nth, _)| nth)

@@ -7,10 +7,10 @@ use crate::registers::{WATCHDOG_COUNTERS, WATCHDOG_DATA, WATCHDOG_DIVIDER, WATCH
 /// Period of the clock that the divider divides.
 const BASE_NANOS: u64 = 40;
 
-/// One watchdog: it starts with its first trigger.
+/// One watchdog; it starts at its first trigger.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Watchdog {
-    /// Its time, in ticks of the divider; 0 switches it off.
+    /// The register with its time, in ticks of the divider; 0 disables it.
     time: u16,
     counter: u16,
     expires: Option<Nanos>,
@@ -33,7 +33,7 @@ impl Watchdog {
         self.expires = (time > 0).then_some(at + time);
     }
 
-    /// Lets it expire if it is time; whether it just did.
+    /// Expires if due; returns whether it just did.
     pub(crate) fn advance(&mut self, memory: &mut Memory, at: Nanos) -> bool {
         if memory.word(self.time) == 0 {
             self.expires = None;

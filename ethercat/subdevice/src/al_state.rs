@@ -1,7 +1,7 @@
-//! The application layer's state machine: which requests are taken, refused or ignored (ETG.1000.6, clause 6.4).
+//! The application layer's state machine: which requests are accepted, refused or ignored (ETG.1000.6, clause 6.4).
 //!
-//! A request passes [`AlMachine::request`], which says what to do; whoever does it reports back by [`AlMachine::reached`] or
-//! [`AlMachine::refused`]. What AL status and its code then read is [`AlMachine::status`] and [`AlMachine::code`].
+//! [`AlMachine::request`] decides what to do about a request; its caller does it and reports back by [`AlMachine::reached`] or
+//! [`AlMachine::refused`]. [`AlMachine::status`] and [`AlMachine::code`] are the resulting register values.
 
 /// A state of the SubDevice. The values are those of AL control and AL status.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -46,37 +46,37 @@ impl AlState {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u16)]
 pub enum AlStatusCode {
-    /// None of those below.
+    /// No more specific code applies.
     Unspecified = 0x0001,
-    /// A change that the state machine does not know.
+    /// A transition that the state machine does not have.
     InvalidStateChange = 0x0011,
     /// A state that does not exist.
     UnknownState = 0x0012,
     /// There is no Boot state.
     BootNotSupported = 0x0013,
-    /// SM0 or SM1 is not as the mailbox needs it.
+    /// SM0 or SM1 does not fit the mailbox.
     InvalidMailbox = 0x0016,
-    /// No outputs came, or none any more.
+    /// No outputs came within the watchdog time.
     SyncManagerWatchdog = 0x001b,
     /// SM2 does not fit the outputs.
     InvalidOutputs = 0x001d,
     /// SM3 does not fit the inputs.
     InvalidInputs = 0x001e,
-    /// The synchronisation asked for is not offered.
+    /// The requested synchronisation is not supported.
     SynchronisationNotSupported = 0x0028,
-    /// Distributed clocks are active, but not offered.
+    /// Distributed clocks are active, but not supported.
     InvalidDcConfiguration = 0x0030,
     /// The application has more inputs than the assigned PDOs carry.
     InvalidInputMapping = 0x0024,
     /// The application has more outputs than the assigned PDOs carry.
     InvalidOutputMapping = 0x0025,
-    /// The application's configuration does not allow it.
+    /// The application's configuration does not allow the state.
     InconsistentSettings = 0x0026,
     /// The application is not ready.
     HardwareNotReady = 0x0052,
-    /// The processor started anew.
+    /// The processor restarted.
     RestartedLocally = 0x0060,
-    /// The modules are not those that the MainDevice expects.
+    /// The modules are not those expected by the MainDevice.
     ModulesDiffer = 0x0070,
 }
 
@@ -88,7 +88,7 @@ impl AlControl {
     const ACKNOWLEDGE: u16 = 1 << 4;
     const IDENTIFICATION: u16 = 1 << 5;
 
-    /// Whether the device's identification is asked for.
+    /// Whether the device identification is requested.
     pub const fn asks_identification(self) -> bool {
         self.0 & Self::IDENTIFICATION != 0
     }
@@ -98,25 +98,25 @@ impl AlControl {
     }
 }
 
-/// What to do about a request.
+/// How to handle a request.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Step {
-    /// Nothing: an error stands that was not acknowledged.
+    /// Nothing: an error was not acknowledged.
     Ignore,
-    /// Stay where it is: the state was there already, or the request was refused. AL status is to be written.
+    /// Stay: the state is already reached, or the request was refused. AL status must be written.
     Stay,
-    /// Go one state up, if what it needs is there.
+    /// Go one state up, if its preconditions are met.
     Up(AlState),
-    /// Go down to a state; that cannot be refused.
+    /// Go down to a state; this cannot be refused.
     Down(AlState),
 }
 
-/// The state, and what stands against it.
+/// The state, and the pending error.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct AlMachine {
     state: AlState,
     fault: Option<AlStatusCode>,
-    /// The fault was no refusal: the device fell, or began, by itself.
+    /// The fault was not a refusal: the device left its state, or started, by itself.
     pub(crate) fell: bool,
     identification: Option<u16>,
 }
@@ -125,12 +125,12 @@ impl AlMachine {
     const ERROR: u16 = 1 << 4;
     const IDENTIFICATION_LOADED: u16 = 1 << 5;
 
-    /// In Init, with a reason if that was not the plan.
+    /// In Init, with an error if that was not planned.
     pub const fn new(fault: Option<AlStatusCode>) -> Self {
         Self { state: AlState::Init, fault, fell: true, identification: None }
     }
 
-    /// The state it is in.
+    /// The current state.
     pub const fn state(&self) -> AlState {
         self.state
     }
@@ -140,14 +140,14 @@ impl AlMachine {
         self.fault
     }
 
-    /// What the register AL status must read.
+    /// The value of the register AL status.
     pub const fn status(&self) -> u16 {
         let error = if self.fault.is_some() { Self::ERROR } else { 0 };
         let loaded = if self.identification.is_some() { Self::IDENTIFICATION_LOADED } else { 0 };
         self.state as u16 | error | loaded
     }
 
-    /// What the register AL status code must read: the error's code, or the identification while it is loaded.
+    /// The value of the register AL status code: the error's code, or the identification while it is loaded.
     pub const fn code(&self) -> u16 {
         match (self.fault, self.identification) {
             (Some(code), _) => code as u16,
@@ -161,7 +161,7 @@ impl AlMachine {
         let wanted = AlState::from_bits(control.0);
         self.identification = None;
         if self.fault.is_some() {
-            // Going to Init is safe at any time, so it needs no acknowledgement.
+            // Going to Init is always safe, so it needs no acknowledgement.
             if !control.acknowledges() && wanted != Some(AlState::Init) {
                 return Step::Ignore;
             }
@@ -180,12 +180,12 @@ impl AlMachine {
         }
     }
 
-    /// The state was reached that was asked for.
+    /// The requested state was reached.
     pub fn reached(&mut self, state: AlState) {
         self.state = state;
     }
 
-    /// A request was refused, for `code`; the state stays.
+    /// A request was refused with `code`; the state stays.
     pub fn refused(&mut self, code: AlStatusCode) -> Step {
         (self.fault, self.fell) = (Some(code), false);
         Step::Stay
@@ -198,7 +198,7 @@ impl AlMachine {
         (self.fault, self.fell) = (Some(code), true);
     }
 
-    /// Shows the device's identification, below SafeOp and if there is no error to be shown.
+    /// Shows the device's identification, below SafeOp and without an error.
     pub fn identify(&mut self, id: u16) {
         if self.fault.is_none() && self.state < AlState::SafeOp {
             self.identification = Some(id);

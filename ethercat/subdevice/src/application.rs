@@ -1,4 +1,4 @@
-//! What an application adds to the stack: values of objects, process data, and its word on changes of state.
+//! What an application adds to the stack: object values, process data, and a veto on state changes.
 
 use crate::al_state::{AlState, AlStatusCode};
 use crate::assignment::Assignment;
@@ -18,9 +18,9 @@ pub struct Address {
     pub sub: u8,
 }
 
-/// The application behind a SubDevice. Calls come from the SubDevice's task, none of them waits.
+/// The application behind a SubDevice. The SubDevice's task makes the calls; none of them blocks.
 pub trait Application {
-    /// Writes the value at `at` into `into`, which has the entry's size, and gives its length: shorter for a text only.
+    /// Writes the value at `at` into `into`, which has the entry's size, and returns its length: shorter only for texts.
     fn read(&mut self, at: Address, into: &mut [u8]) -> Result<usize, Abort>;
 
     /// Whether `value` may be written at `at`. The stack has checked access, state, length and range.
@@ -28,17 +28,17 @@ pub trait Application {
         Ok(())
     }
 
-    /// Writes `value`, which was checked. In a complete access all values are checked before the first is written.
+    /// Writes the checked `value`. A complete access checks all values before it writes the first.
     fn write(&mut self, at: Address, value: &[u8]);
 
-    /// How what was written last ended; none while it goes on. Its SDO is answered when it has ended, and no other is
-    /// served before.
+    /// The result of the last write; `None` while it is in progress. Its SDO is answered once it ends, and no other is served
+    /// before.
     fn written(&mut self) -> Option<Result<(), Abort>> {
         Some(Ok(()))
     }
 
-    /// An object that is not in the device's table, such as a module's. It may be another one after a write, and stays while a state with
-    /// process data is kept.
+    /// An object that is not in the device's table, such as a module's. It may change after a write, but stays while in a state
+    /// with process data.
     fn object(&self, _index: u16) -> Option<Object> {
         None
     }
@@ -48,69 +48,70 @@ pub trait Application {
         None
     }
 
-    /// Which PDOs a SyncManager carries, where the application decides that and no MainDevice: those of its modules.
+    /// The PDOs of a SyncManager, where the application assigns them instead of a MainDevice: those of its modules.
     fn assignment(&self, _channel: Channel) -> Option<Assignment> {
         None
     }
 
-    /// Which PDOs a MainDevice has assigned to a SyncManager, in their order; before the first call they are those of the device's table.
+    /// The PDOs that a MainDevice assigned to a SyncManager, in order; before the first call they are those of the device's table.
     fn assigned(&mut self, _channel: Channel, _pdos: &[u16]) {}
 
-    /// Whether outputs are taken only when two readings in a row agree, on a bus that may turn bits in process data. That doubles
+    /// Whether outputs are accepted only if two successive reads agree, for a bus that may flip bits in process data. That doubles
     /// their traffic.
     fn proves_outputs(&self) -> bool {
         false
     }
 
-    /// Whether errors are also reported by emergencies, for a MainDevice that takes them.
+    /// Whether errors are also reported as emergencies, to a MainDevice that accepts them.
     fn sends_emergencies(&self) -> bool {
         false
     }
 
-    /// The next emergency of its own; asked for when there is room for one, while [they are sent](Self::sends_emergencies).
+    /// The application's next emergency; called when there is room for one, while [enabled](Self::sends_emergencies).
     fn emergency(&mut self) -> Option<Emergency> {
         None
     }
 
-    /// What tells the device from others of its kind when a MainDevice asks for that (ETG.1020, explicit device identification): the
-    /// value of a selector or a setting. None is the station alias that stands in the EEPROM.
+    /// Distinguishes the device from others of its kind when a MainDevice asks (ETG.1020, explicit device identification): the
+    /// value of a selector or a setting. `None` means the station alias in the EEPROM.
     fn identification(&self) -> Option<u16> {
         None
     }
 
-    /// What the processor takes for a cycle of process data beside the bus to the controller, at most: from the interrupt to the first
-    /// access, and in between.
+    /// The processor's worst-case overhead per process data cycle besides the bus to the controller: from the interrupt to the
+    /// first access, and between accesses.
     fn cycle_fixed_ns(&self) -> u32 {
         25_000
     }
 
-    /// Takes the outputs of a PDO, always those of one frame. Called in Op only, for each assigned PDO.
+    /// Takes the outputs of a PDO, always from a single frame. Called in Op only, for each assigned PDO.
     fn outputs(&mut self, pdo: u16, bytes: &[u8]);
 
     /// Writes the inputs of a PDO.
     fn inputs(&mut self, pdo: u16, into: &mut [u8]);
 
-    /// The outputs are not valid any more: Op was left, on request, or since no outputs came.
+    /// The outputs became invalid: Op was left, on request or because no outputs came.
     fn outputs_stopped(&mut self);
 
-    /// Whether it is the application of another device now: the controller is left then, see
+    /// Whether this is now the application of another device, which then takes over the controller; see
     /// [`SubDevice::run_until_fault`](crate::sub_device::SubDevice::run_until_fault).
     fn is_another_device(&self) -> bool {
         false
     }
 
-    /// The controller failed: it is started anew.
+    /// The controller failed and is restarted.
     fn failed(&mut self, _fault: EscError) {}
 
-    /// Whether the device may go up to `state`; the code is shown to the MainDevice if not.
+    /// Whether the device may go up to `state`; if not, the code is reported to the MainDevice.
     fn may_enter(&mut self, _state: AlState) -> Result<(), AlStatusCode> {
         Ok(())
     }
 
-    /// SafeOp is refused since the controller's memory (0006h) holds `room` of the `bytes` of process data that are assigned to `channel`.
+    /// SafeOp is refused: the planned sizes, the controller's memory (0006h) or the buffer have only `room` for the `bytes` of
+    /// process data assigned to `channel`.
     fn memory_full(&mut self, _channel: Channel, _bytes: u16, _room: u16) {}
 
-    /// What the device's lights show from now on.
+    /// The device's indicators changed.
     fn shows(&mut self, _indicators: Indicators) {}
 
     /// The state has changed.

@@ -1,4 +1,4 @@
-//! Which PDOs a SyncManager carries.
+//! The PDOs that a SyncManager carries.
 
 use crate::device::Device;
 use crate::object::{PDOS_ASSIGNED_MAX, PDOS_SELECTED_MAX};
@@ -9,15 +9,15 @@ use crate::sync_manager::Channel;
 pub struct Assignment {
     channel: Channel,
     pub(crate) pdos: Pdos,
-    /// The most bytes that they may have.
+    /// Limit of their total bytes.
     pub(crate) room: u16,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Pdos {
-    /// As they were listed, the first `count` of them.
+    /// The first `count` of a list.
     Listed { count: u8, pdos: [u16; PDOS_SELECTED_MAX] },
-    /// The application's: `first` and those behind it whose bit is set, which have so many `bytes`.
+    /// The application's: `first + n` for each bit n that is set, with a total of `bytes`.
     Modules { first: u16, present: u64, bytes: u16 },
 }
 
@@ -30,7 +30,7 @@ impl Pdos {
         Self::Listed { count, pdos }
     }
 
-    /// The one at a place, if there is one.
+    /// The PDO at an index.
     fn at(&self, place: u16) -> Option<u16> {
         match *self {
             Self::Listed { count, pdos } => {
@@ -44,8 +44,8 @@ impl Pdos {
 }
 
 impl Assignment {
-    /// A SyncManager that carries the PDOs of modules, in the order of their indices: `first + n` for each bit n of `present`, the first
-    /// [`PDOS_ASSIGNED_MAX`] of them, which have `bytes` together.
+    /// The assignment of module PDOs, in index order: `first + n` for each bit n of `present`, limited to the first
+    /// [`PDOS_ASSIGNED_MAX`], with a total of `bytes`.
     pub fn of_modules(channel: Channel, first: u16, present: u64, bytes: u16) -> Self {
         let present = present & ((1 << PDOS_ASSIGNED_MAX) - 1);
         Self { channel, pdos: Pdos::Modules { first, present, bytes }, room: u16::MAX }
@@ -71,7 +71,7 @@ impl Assignment {
     pub fn value(&self, sub: u8) -> u16 {
         match (sub.checked_sub(1), &self.pdos) {
             (None, _) => self.indices().count() as u16,
-            // Also one behind the count, which is being written.
+            // Also an entry above the count, while the list is being written.
             (Some(at), Pdos::Listed { pdos, .. }) => pdos.get(usize::from(at)).copied().unwrap_or_default(),
             (Some(at), _) => self.indices().nth(at.into()).unwrap_or_default(),
         }

@@ -1,14 +1,14 @@
-//! The objects that there are at this moment: those of the device's table, and those of the application's modules.
+//! The currently available objects: those of the device's table, and those of the application's modules.
 
 use crate::application::Application;
 use crate::device::Device;
 use crate::object::Object;
 
-/// Where objects are looked up.
+/// Looks objects up.
 pub struct Catalogue<'a, A> {
     /// The table.
     pub device: &'static Device,
-    /// Who has the others.
+    /// The application with the other objects.
     pub application: &'a A,
 }
 
@@ -18,7 +18,7 @@ impl<A: Application> Catalogue<'_, A> {
         self.device.object(index).copied().or_else(|| self.application.object(index))
     }
 
-    /// All objects from `index` on, in the order of their indices.
+    /// All objects from `index` on, in index order.
     pub fn objects_from(&self, index: u16) -> impl Iterator<Item = Object> {
         let mut next = Some(index);
         core::iter::from_fn(move || {

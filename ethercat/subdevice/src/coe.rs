@@ -1,4 +1,4 @@
-//! CAN application protocol over EtherCAT: services by their number, each in a file of its own (ETG.1000.6, clause 5.6).
+//! CAN application protocol over EtherCAT: dispatches services by number, one file each (ETG.1000.6, clause 5.6).
 
 pub mod abort;
 pub mod emergency;
@@ -15,20 +15,20 @@ use information::Information;
 use sdo::SdoServer;
 use service::Service;
 
-/// Bytes of the header in front of each service.
+/// Bytes of the header before each service.
 const HEADER_BYTES: usize = 2;
 
-/// All services' state.
+/// The state of all services.
 #[derive(Debug, Default)]
 pub struct Coe {
     sdo: SdoServer,
     information: Information,
-    /// Errors that are to be reported.
+    /// Errors to report.
     pub emergencies: Emergencies,
 }
 
 impl Coe {
-    /// Takes a request. Its answer is what [`next`](Self::next) gives.
+    /// Takes a request. [`next`](Self::next) may return further messages.
     pub fn request<A: Application>(
         &mut self,
         payload: &[u8],
@@ -40,7 +40,7 @@ impl Coe {
         match service >> 4 {
             service if service == Service::SdoRequest as u8 => {
                 let body = body.split_first_chunk().ok_or(MailboxError::SizeTooShort)?;
-                // Who asks for something else has no use for the rest of a list.
+                // A new request aborts an unfinished list.
                 self.information = Information::default();
                 Ok(self.sdo.request(body, dictionary, room - HEADER_BYTES))
             }
@@ -52,27 +52,27 @@ impl Coe {
         }
     }
 
-    /// Whether an answer is not complete: its other messages come by [`next`](Self::next), and go first.
+    /// Whether a response is incomplete: its other messages come from [`next`](Self::next), and have priority.
     pub fn is_responding(&self) -> bool {
         self.information.is_responding()
     }
 
-    /// Whether a write goes on in the application: its answer comes by [`written`](Self::written), and goes first.
+    /// Whether a write is in progress in the application: its response comes from [`written`](Self::written), and has priority.
     pub fn is_writing(&self) -> bool {
         self.sdo.is_writing()
     }
 
-    /// The answer to a write that went on, if the application has ended it.
+    /// The response to a pending write, once the application has completed it.
     pub fn written(&mut self, application: &mut impl Application) -> Option<Payload> {
         self.sdo.written(application)
     }
 
-    /// Whether there is anything to send without being asked again.
+    /// Whether there is anything to send without a request.
     pub fn has_more(&self) -> bool {
         self.is_responding() || self.emergencies.is_pending()
     }
 
-    /// The next message of an answer, or an emergency.
+    /// The next message of a response, or an emergency.
     pub fn next<A: Application>(&mut self, room: usize, catalogue: &Catalogue<'_, A>) -> Option<Payload> {
         self.information.next(room - HEADER_BYTES, catalogue).or_else(|| self.emergencies.next())
     }

@@ -1,4 +1,4 @@
-//! What the stack itself keeps behind objects: which PDOs are assigned, and how the application is synchronised.
+//! Objects kept by the stack itself: PDO assignment, and synchronisation of the application.
 
 use crate::application::Application;
 use crate::assignment::{Assignment, Pdos};
@@ -9,7 +9,7 @@ use crate::object::{Object, PDOS_SELECTED_MAX};
 use crate::standard::RESET_COUNTERS;
 use crate::sync_manager::Channel;
 
-/// What an assignment is of the objects that there are.
+/// The parts of an assignment that need the objects.
 impl Assignment {
     /// The assigned PDOs.
     pub fn pdos<A: Application>(&self, catalogue: &Catalogue<'_, A>) -> impl Iterator<Item = Object> {
@@ -24,7 +24,7 @@ impl Assignment {
         }
     }
 
-    /// What the list is after a write at a sub-index: sub-index 0 last, and 0 before the others are written (ETG.1020).
+    /// The list after a write at a sub-index: sub-index 0 must be cleared first, and set last (ETG.1020).
     pub fn with<A: Application>(
         mut self,
         catalogue: &Catalogue<'_, A>,
@@ -51,7 +51,7 @@ impl Assignment {
         }
     }
 
-    /// The list with all of `pdos`.
+    /// The list replaced with `pdos`.
     pub fn replaced<A: Application>(
         mut self,
         catalogue: &Catalogue<'_, A>,
@@ -90,16 +90,16 @@ impl Assignment {
 pub enum Synchronisation {
     /// Outputs when they come, inputs by the local clock.
     FreeRun,
-    /// With the SyncManagers' events: inputs are renewed when outputs came or inputs were fetched.
+    /// On SyncManager events: inputs are updated when outputs came or inputs were fetched.
     SyncManager,
 }
 
-/// How the exchange of images keeps up with the MainDevice: 1C32h and 1C33h from entry 05 on.
+/// How well the exchange of images keeps up with the MainDevice: 1C32h and 1C33h from entry 05 on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Timing {
-    /// 05: the shortest cycle in which no image is left out, in nanoseconds; computed before each request of the mailbox.
+    /// 05: the shortest cycle without skipped images, in nanoseconds; computed before each mailbox request.
     pub minimum_cycle_ns: u32,
-    /// 0B: images that came before the one in front of them was taken.
+    /// 0B: images that arrived before the previous one was taken.
     pub missed_events: u16,
 }
 
@@ -109,7 +109,7 @@ impl Timing {
     fn value(&self, sub: u8) -> Option<u32> {
         Some(match sub {
             0x05 => self.minimum_cycle_ns,
-            // Nothing is being measured.
+            // No measurement in progress.
             0x08 => 0,
             0x0b => self.missed_events.into(),
             _ => return None,
@@ -117,7 +117,7 @@ impl Timing {
     }
 }
 
-/// The values that the stack keeps, as they are after power-on until a MainDevice changes them.
+/// Values kept by the stack, initially those of power-on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Communication {
     /// 1C12h.
@@ -128,7 +128,7 @@ pub struct Communication {
     outputs_synchronised: u16,
     /// 1C33h:01.
     inputs_synchronised: u16,
-    /// What 1C32h and 1C33h tell about the exchange.
+    /// The values of 1C32h and 1C33h about the exchange.
     pub timing: Timing,
 }
 
@@ -148,27 +148,27 @@ impl Communication {
         }
     }
 
-    /// Counts outputs that were `missed`.
+    /// Counts `missed` outputs.
     pub(crate) fn note_missed(&mut self, missed: bool) {
         self.timing.missed_events = self.timing.missed_events.saturating_add(missed.into());
     }
 
-    /// Whether inputs are renewed with the outputs alone (1C33h:01 = 22h), and there are any.
+    /// Whether inputs are updated only with outputs (1C33h:01 = 22h), and there are any outputs.
     pub fn inputs_follow_outputs<A: Application>(&self, catalogue: &Catalogue<'_, A>) -> bool {
         self.inputs_synchronised == Self::OUTPUTS_EVENT && self.outputs.bytes(catalogue) > 0
     }
 
-    /// Carries the PDOs that the application says, where it says so.
+    /// Takes over the application's assignment, if it makes one.
     pub fn follow(&mut self, application: &impl Application) {
         for assignment in [&mut self.outputs, &mut self.inputs] {
             if let Some(other) = application.assignment(assignment.channel()) {
-                // There is as much room as before.
+                // The room is unchanged.
                 assignment.pdos = other.pdos;
             }
         }
     }
 
-    /// Synchronisation of both directions, if they fit each other.
+    /// Synchronisation of both directions, if the settings are compatible.
     pub fn synchronisation(&self) -> Option<Synchronisation> {
         match (self.outputs_synchronised, self.inputs_synchronised) {
             (Self::FREE_RUN, Self::FREE_RUN) => Some(Synchronisation::FreeRun),
@@ -177,7 +177,7 @@ impl Communication {
         }
     }
 
-    /// The assignment behind an object.
+    /// The assignment in an object.
     pub fn assignment(&mut self, index: u16) -> Option<&mut Assignment> {
         match index {
             0x1c12 => Some(&mut self.outputs),
@@ -186,7 +186,7 @@ impl Communication {
         }
     }
 
-    /// A value of the stack's.
+    /// A value kept by the stack.
     pub fn value(&mut self, index: u16, sub: u8) -> Option<u32> {
         match (index, sub) {
             (0x1c32, 1) => Some(self.outputs_synchronised.into()),
@@ -196,7 +196,7 @@ impl Communication {
         }
     }
 
-    /// Writes a value of the stack's.
+    /// Writes a value kept by the stack.
     pub fn set<A: Application>(
         &mut self,
         catalogue: &Catalogue<'_, A>,

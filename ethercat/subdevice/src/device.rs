@@ -1,23 +1,23 @@
-//! What a device is: its identity, its memory, and its objects. Everything that a MainDevice is told comes from here.
+//! Describes a device: its identity, its memory, and its objects. All information for MainDevices comes from here.
 
 use crate::diagnosis::Text;
 use crate::object::{Access, Entries, Object};
 use crate::sync_manager::{Channel, MemoryPlan};
 
-/// A SubDevice, described.
+/// The description of a SubDevice.
 #[derive(Debug, Clone, Copy)]
 pub struct Device {
-    /// Who made which device.
+    /// Vendor and product.
     pub identity: Identity,
     /// The manufacturer's name.
     pub vendor_name: &'static str,
-    /// The device's name, for people.
+    /// The device's name for display.
     pub name: &'static str,
-    /// The type, without spaces: by it MainDevices tell devices apart.
+    /// The order code, without spaces: MainDevices tell devices apart by it.
     pub order: &'static str,
-    /// The group it is listed in.
+    /// The group under which tools list it.
     pub group: &'static str,
-    /// How the controller's memory is shared out.
+    /// The layout of the controller's memory.
     pub memory: MemoryPlan,
     /// The controller's configuration, the SII's first eight bytes: PDI and synchronisation unit.
     pub controller: [u8; 8],
@@ -29,7 +29,7 @@ pub struct Device {
     pub objects: &'static [Object],
 }
 
-/// The identity object's values, which also stand in the SII and in the ESI file.
+/// The values of the identity object, SII and ESI file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Identity {
     /// The vendor id, assigned by the ETG.
@@ -64,23 +64,23 @@ impl Device {
         }
     }
 
-    /// Whether a SyncManager carries the PDO `index` after power-on: one that is listed, or its own beside those of modules.
+    /// Whether a SyncManager carries the PDO `index` after power-on: a listed one, or the device's own beside those of modules.
     pub fn is_assigned(&self, channel: Channel, index: u16) -> bool {
         self.is_modular(channel) || self.default_pdos(channel).contains(&index)
     }
 
-    /// Whether modules (F000h) say which PDOs a SyncManager carries.
+    /// Whether modules (F000h) determine the PDOs of a SyncManager.
     pub fn is_modular(&self, channel: Channel) -> bool {
         let open = matches!(self.assignment(channel), Some(Entries::Assignment([], access)) if !access.any(Access::WRITE));
         open && self.object(0xf000).is_some()
     }
 
-    /// Whether a SyncManager is used, as the EEPROM and the ESI file say it: some MainDevices never switch on one that is not.
+    /// Whether the EEPROM and the ESI file mark a SyncManager as enabled: some MainDevices never activate one that is not.
     pub fn is_enabled(&self, channel: Channel) -> bool {
         self.is_modular(channel) || self.default_bytes(channel) > 0
     }
 
-    /// Whether a MainDevice can say which PDOs a SyncManager carries.
+    /// Whether a MainDevice can assign PDOs.
     pub fn takes_assignments(&self) -> bool {
         [Channel::Outputs, Channel::Inputs].into_iter().any(|channel| {
             matches!(self.assignment(channel), Some(Entries::Assignment(_, access)) if access.any(Access::WRITE))
@@ -91,17 +91,17 @@ impl Device {
         self.object(0x1c10 + channel as u16).map(|object| object.entries)
     }
 
-    /// A SyncManager's bytes after power-on.
+    /// Bytes of a SyncManager after power-on.
     pub fn default_bytes(&self, channel: Channel) -> u16 {
         if matches!(channel, Channel::MailboxOut | Channel::MailboxIn) {
             return self.memory.mailbox_bytes;
         }
         let pdos = self.objects.iter().filter(|object| object.pdo() == Some(channel));
-        // They are not longer than the controller's memory.
+        // Lossless: they fit into the controller's memory.
         pdos.filter(|pdo| self.is_assigned(channel, pdo.index)).map(|pdo| pdo.pdo_bytes() as u16).sum()
     }
 
-    /// The most bytes of a SyncManager's process data.
+    /// Most bytes of a SyncManager's process data.
     pub const fn bytes_max(&self, channel: Channel) -> u16 {
         match channel {
             Channel::MailboxOut | Channel::MailboxIn => self.memory.mailbox_bytes,

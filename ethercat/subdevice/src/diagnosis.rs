@@ -1,7 +1,9 @@
-//! Diagnosis history (10F3h, ETG.1020): the last messages of a device, which a MainDevice reads, acknowledges and has sent to it.
+//! Diagnosis history (10F3h, ETG.1020): the last messages of a device, which a MainDevice reads and acknowledges, or receives as
+//! emergencies.
 //!
-//! A message names a text of the ESI file by its number, and has bytes that stand in it. It is stored with the time since power-on. Where
-//! all places hold messages that were not acknowledged, the oldest one is overwritten, or in the acknowledge mode the new one discarded.
+//! A message refers to a text of the ESI file by its number, and carries the parameters of that text. It is stored with the time
+//! since power-on. If all slots hold unacknowledged messages, the oldest one is overwritten; in acknowledge mode, the new one is
+//! discarded.
 
 mod message;
 
@@ -13,7 +15,7 @@ use message::Message;
 
 pub use message::{MESSAGE_BYTES, PARAMETERS_MAX, Severity, Text};
 
-/// Messages that are kept.
+/// Size of the history.
 pub const MESSAGES: usize = 20;
 /// The sub-index of the first message.
 pub const FIRST_MESSAGE: u8 = 6;
@@ -24,7 +26,7 @@ const ERROR_REGISTER: u8 = 0x11;
 /// Bits of 10F3h:05.
 mod flags {
     pub(super) const EMERGENCIES: u16 = 1 << 0;
-    /// One for each severity.
+    /// One bit for each severity.
     pub(super) const DISABLED: u16 = 1 << 1;
     pub(super) const ACKNOWLEDGE: u16 = 1 << 4;
     /// Read only.
@@ -32,17 +34,17 @@ mod flags {
     pub(super) const WRITABLE: u16 = 0x1f;
 }
 
-/// The history. It is all zeros at start.
+/// The history. All zeros at start, which keeps a static in `.bss`.
 #[derive(Debug)]
 pub struct History {
     messages: [Message; MESSAGES],
-    /// The place of the newest message, from 1 on; 0: there is none.
+    /// The slot of the newest message, from 1; 0 if there is none.
     newest: u8,
-    /// How many messages there are: the newest one and those before it.
+    /// Number of messages: the newest one and those before it.
     count: u8,
-    /// How many of them were not acknowledged.
+    /// Number of unacknowledged messages.
     unacknowledged: u8,
-    /// How many were not sent as emergencies.
+    /// Number of messages not yet sent as emergencies.
     unsent: u8,
     /// The newest one was not read.
     unread: bool,
@@ -50,7 +52,7 @@ pub struct History {
 }
 
 impl History {
-    /// Without messages.
+    /// An empty history.
     pub const fn new() -> Self {
         Self {
             messages: [Message::NONE; MESSAGES],
@@ -63,7 +65,7 @@ impl History {
         }
     }
 
-    /// Stores a message, unless the newest one says the same, or its severity is disabled.
+    /// Stores a message, unless it equals the newest one, or its severity is disabled.
     pub fn report(&mut self, text: &Text, parameters: &[u8]) {
         let mut message = Message::new(text, parameters);
         let known = self.message(self.newest).is_some_and(|newest| newest.says_the_same_as(&message));
@@ -90,12 +92,12 @@ impl History {
         }
     }
 
-    /// Whether messages are to be sent as emergencies, too.
+    /// Whether messages are also sent as emergencies.
     pub const fn sends_emergencies(&self) -> bool {
         self.flags & flags::EMERGENCIES != 0
     }
 
-    /// Sets whether they are, as a MainDevice does by bit 0 of 10F3h:05.
+    /// Enables or disables emergencies, like a MainDevice's write to bit 0 of 10F3h:05.
     pub fn set_emergencies(&mut self, on: bool) {
         self.flags = self.flags & !flags::EMERGENCIES | if on { flags::EMERGENCIES } else { 0 };
         if !on {
@@ -103,7 +105,7 @@ impl History {
         }
     }
 
-    /// The oldest message that was not sent.
+    /// The oldest unsent message.
     pub fn emergency(&mut self) -> Option<Emergency> {
         let age = self.unsent.checked_sub(1)?;
         self.unsent = age;
@@ -150,7 +152,7 @@ impl History {
         }
     }
 
-    /// Writes `value`, which was checked, at the entry `sub`.
+    /// Writes the checked `value` to the entry `sub`.
     pub fn write(&mut self, sub: u8, value: u16) {
         match (sub, value) {
             (3, 0) => self.clear(),
@@ -167,7 +169,7 @@ impl History {
         }
     }
 
-    /// Forgets all messages, or in the acknowledge mode those that were acknowledged.
+    /// Clears all messages, or in acknowledge mode the acknowledged ones.
     fn clear(&mut self) {
         let kept = if self.flags & flags::ACKNOWLEDGE != 0 { self.unacknowledged } else { 0 };
         for age in kept..self.count {
@@ -183,13 +185,13 @@ impl History {
         self.flags &= !flags::LOST;
     }
 
-    /// The place of the message that is the newest but `age`.
+    /// The slot of the message with `age` newer ones.
     fn place(&self, age: u8) -> Option<u8> {
         let messages = MESSAGES as u8;
         (age < self.count).then(|| (self.newest + messages - 1 - age) % messages + 1)
     }
 
-    /// How many messages are newer than the one at a sub-index.
+    /// The number of messages newer than the one at a sub-index.
     fn age(&self, sub: u16) -> Option<u8> {
         (0..self.count)
             .find(|age| self.place(*age).is_some_and(|place| u16::from(self.sub_index(place)) == sub))

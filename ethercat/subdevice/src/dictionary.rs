@@ -1,4 +1,4 @@
-//! Access to the dictionary's values, with every check that SDO promises: existence, rights, state, length, range.
+//! Access to the dictionary's values, with all checks that SDO requires: existence, rights, state, length, range.
 
 mod complete;
 
@@ -12,35 +12,35 @@ use crate::communication::Communication;
 use crate::device::Device;
 use crate::object::{Access, DataType, Entries, Entry, Object, PDOS_SELECTED_MAX, Value};
 
-/// Bytes of an object at most, also when it is accessed completely: 512 bytes of a buffer, and a count.
+/// Most bytes of an object, also in a complete access: a buffer of 512 bytes, and its count.
 pub const OBJECT_BYTES_MAX: usize = 520;
 
 /// An object's value or values.
 pub type Bytes = Vec<u8, OBJECT_BYTES_MAX>;
 
-/// The dictionary as it can be accessed at this moment.
+/// The dictionary with the state that access depends on.
 pub struct Dictionary<'a, A> {
     /// The table.
     pub device: &'static Device,
     /// The stack's values.
     pub communication: &'a mut Communication,
-    /// Who has all other values.
+    /// The source of all other values.
     pub application: &'a mut A,
-    /// The state, on which rights depend.
+    /// The state, which determines rights.
     pub state: AlState,
 }
 
-/// What an SDO addresses.
+/// The target of an SDO.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Target {
-    /// Where.
+    /// The entry.
     pub at: Address,
-    /// Whether it means all entries from sub-index 0 or 1 on.
+    /// Whether all entries from sub-index 0 or 1 on are meant.
     pub complete: bool,
 }
 
 impl<A: Application> Dictionary<'_, A> {
-    /// Reads what `target` says.
+    /// Reads `target`.
     pub fn read(&mut self, target: Target) -> Result<Bytes, Abort> {
         let mut bytes = Bytes::new();
         let Target { at, complete } = target;
@@ -71,7 +71,7 @@ impl<A: Application> Dictionary<'_, A> {
         Ok(bytes)
     }
 
-    /// Checks whether anything at all may be written at `target`, before its data have come.
+    /// Checks whether `target` is writable at all, before its data have arrived.
     pub fn check_writable(&self, target: Target) -> Result<(), Abort> {
         let Target { at, complete } = target;
         let object = self.object(at.index)?;
@@ -105,7 +105,7 @@ impl<A: Application> Dictionary<'_, A> {
         entry.map_or(0, |entry| entry.data_type.bytes())
     }
 
-    /// The objects that there are.
+    /// All available objects.
     pub fn catalogue(&self) -> Catalogue<'_, A> {
         Catalogue { device: self.device, application: self.application }
     }
@@ -178,7 +178,7 @@ impl<A: Application> Dictionary<'_, A> {
         Ok(entry)
     }
 
-    /// Tells the application which PDOs are assigned, if that stands behind the object `index`.
+    /// Reports the assigned PDOs to the application if the object `index` is an assignment.
     fn tell_assignment(&mut self, index: u16) {
         if let Some(assignment) = self.communication.assignment(index) {
             let pdos: Vec<u16, PDOS_SELECTED_MAX> = assignment.indices().take(PDOS_SELECTED_MAX).collect();
@@ -205,7 +205,7 @@ impl<A: Application> Dictionary<'_, A> {
     }
 }
 
-/// Puts the bit that was read last, at `start`, behind the `bits` in front of it, eight to a byte.
+/// Packs the last bit read, at `start`, after the `bits` before it, eight per byte.
 fn pack_bit(bytes: &mut Bytes, start: usize, bits: usize) {
     if let (true, Some(bit)) = (!bits.is_multiple_of(8), bytes.get(start).copied()) {
         bytes.truncate(start);
@@ -219,7 +219,7 @@ fn pack_bit(bytes: &mut Bytes, start: usize, bits: usize) {
 fn check_complete(object: &Object, sub: u8) -> Result<(), Abort> {
     match (object.entries, sub) {
         (Entries::Variable(_), _) => Err(Abort::NoCompleteAccess),
-        // Nobody could tell where the next one begins.
+        // The start of the next entry would be unknown.
         (Entries::Record(entries), _) if entries.iter().any(|entry| entry.data_type.may_be_shorter()) => {
             Err(Abort::NoCompleteAccess)
         }
@@ -228,7 +228,7 @@ fn check_complete(object: &Object, sub: u8) -> Result<(), Abort> {
     }
 }
 
-/// The bit of `rights` that counts in `state`.
+/// The bit of `rights` for `state`.
 fn right(rights: Access, state: AlState) -> Access {
     let lowest = rights.0 & rights.0.wrapping_neg();
     Access(match state {
@@ -244,7 +244,7 @@ fn put(number: u64, into: &mut [u8]) -> usize {
     into.len()
 }
 
-/// The number that `bytes` are, eight at most.
+/// Decodes up to eight bytes.
 pub fn number(bytes: &[u8]) -> u64 {
     bytes.iter().rev().fold(0, |number, &byte| number << 8 | u64::from(byte))
 }

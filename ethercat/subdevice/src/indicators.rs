@@ -1,7 +1,6 @@
-//! The RUN and ERR lights (ETG.1300): which pattern shows which state, when a pattern is lit, and lamps that follow it.
+//! The RUN and ERR indicators (ETG.1300): the pattern of each state, its timing, and LEDs that follow it.
 //!
-//! The patterns are functions of the state and of the time, so both lights of a device, and those of all lamps that follow it, go
-//! together.
+//! The patterns are functions of state and time only, so both indicators of a device, and all LEDs that follow them, stay in phase.
 
 use core::fmt::{self, Display};
 
@@ -9,33 +8,33 @@ use embassy_time::{Duration, Instant, Timer};
 
 use crate::al_state::{AlMachine, AlState, AlStatusCode};
 
-/// The shortest time that a light is on or off: that of flickering.
+/// The shortest on or off time: that of flickering.
 pub const FLICKER: Duration = Duration::from_millis(50);
-/// The time of all other patterns.
+/// On time of all other patterns.
 const FLASH: Duration = Duration::from_millis(200);
-/// Between two flashes, or two pairs of them.
+/// Pause between flashes, or pairs of flashes.
 const GAP: Duration = Duration::from_millis(1_000);
 
-/// How a light shines.
+/// A light pattern.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Pattern {
-    /// Not at all.
+    /// Permanently off.
     #[default]
     Off,
-    /// All the time.
+    /// Permanently on.
     On,
-    /// 200 ms on and off.
+    /// 200 ms on, 200 ms off.
     Blinking,
     /// 200 ms on, a second off.
     SingleFlash,
-    /// Twice 200 ms on, a second off.
+    /// Two flashes of 200 ms, a second off.
     DoubleFlash,
-    /// 50 ms on and off.
+    /// 50 ms on, 50 ms off.
     Flickering,
 }
 
 impl Pattern {
-    /// Whether it is lit so long after its beginning.
+    /// Whether the light is on, `since` the start of the pattern.
     pub fn is_lit(self, since: Duration) -> bool {
         let (flashes, each, gap) = match self {
             Self::Off => return false,
@@ -64,14 +63,14 @@ impl Display for Pattern {
     }
 }
 
-/// What a SubDevice shows: its state, and what stands against it.
+/// What a SubDevice indicates: its state and error.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Indicators {
-    /// The state it is in.
+    /// The current state.
     pub state: AlState,
     /// The error that has not been acknowledged.
     pub fault: Option<AlStatusCode>,
-    /// Whether the device fell into that state by itself.
+    /// Whether the device entered that state by itself.
     pub fell: bool,
 }
 
@@ -83,7 +82,7 @@ impl AlMachine {
 }
 
 impl Indicators {
-    /// The RUN light, which is green.
+    /// The RUN light (green).
     pub const fn run(&self) -> Pattern {
         match self.state {
             AlState::Init => Pattern::Off,
@@ -94,12 +93,12 @@ impl Indicators {
         }
     }
 
-    /// The ERR light, which is red.
+    /// The ERR light (red).
     pub const fn error(&self) -> Pattern {
         match (self.fault, self.fell) {
             (None, _) => Pattern::Off,
             (Some(AlStatusCode::SyncManagerWatchdog), true) => Pattern::DoubleFlash,
-            // By its own decision; what was refused to the MainDevice is a wrong configuration.
+            // A local error; a refused request is a configuration error.
             (Some(_), true) => Pattern::SingleFlash,
             (Some(_), false) => Pattern::Blinking,
         }
@@ -121,13 +120,13 @@ impl Display for Indicators {
     }
 }
 
-/// The two lamps of a device.
+/// The two LEDs of a device.
 pub trait Lamps {
-    /// Lets each shine, or not. Called when one of them changes.
+    /// Switches the LEDs. Called when one of them changes.
     fn shine(&mut self, run: bool, error: bool);
 }
 
-/// Lets `lamps` show what `patterns` says, for ever: the pattern of the RUN light, and that of the ERR light.
+/// Drives `lamps` forever by `patterns`, which returns the RUN and the ERR pattern.
 pub async fn show(lamps: &mut impl Lamps, mut patterns: impl FnMut() -> (Pattern, Pattern)) -> ! {
     let mut shown = None;
     loop {

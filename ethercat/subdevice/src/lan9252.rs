@@ -1,16 +1,15 @@
-//! The LAN9252 behind an SPI: registers through one engine of the chip, process data through two FIFOs.
+//! The LAN9252 on SPI: registers through one engine of the chip, process data through two FIFOs.
 //!
-//! An access below 1000h goes to the register engine (`registers`), at most four bytes at a time; one above is streamed through a FIFO
-//! (`fifo`) by few, long transactions (`bus`). When the chip does not do what it should, the access fails, and the next one
-//! first brings the chip to its senses (`start`): if that took a reset, it fails too, with [`EscError::Restarted`], so that the caller
-//! knows that all its settings are gone.
+//! An access below 1000h uses the register engine (`registers`), with at most four bytes at a time; one above streams through a
+//! FIFO (`fifo`) in few, long transactions (`bus`). If the chip misbehaves, the access fails, and the next one first recovers the
+//! chip (`start`): if that took a reset, it fails with [`EscError::Restarted`], as all the caller's settings are lost.
 //!
-//! # What a damaged transfer can do
+//! # Corrupt transfers
 //!
-//! The SPI has no check sum. What the chip was told to do is read back behind every access, so an access to the wrong place, of the wrong
-//! length, or one that lost or gained a byte is noticed ([`EscError::Garbled`]), and so is every damaged register value, which is read
-//! twice. A bit that falls over in process data on its way is *not* noticed. Where the line is not to be trusted, read
-//! outputs by [`read_agreed`](crate::esc::read_agreed), or let the MainDevice send a sequence number or check sum with them.
+//! The SPI has no checksum. The command registers are read back after every access, which detects a wrong address or length, and
+//! lost or extra bytes ([`EscError::Garbled`]). Register values are read twice, which detects any corruption. Bit flips in process
+//! data are *not* detected. On an unreliable line, read outputs with [`read_agreed`](crate::esc::read_agreed), or let the
+//! MainDevice add a sequence number or checksum.
 
 mod bus;
 mod direction;
@@ -32,33 +31,33 @@ const PROCESS_RAM: u16 = 0x1000;
 const AL_EVENT: u16 = 0x0220;
 /// The fastest clock for reads without a pause.
 const READ_HZ_MAX: u32 = 30_000_000;
-/// How often it is looked at whether the chip is still the one that was set up.
+/// Interval of checks that the chip has not been reset.
 const CHECK_INTERVAL: Duration = Duration::from_millis(20);
 
 /// How the chip is wired.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Wiring {
-    /// The SPI clock. Above 30 MHz reads need a byte of pause before their data.
+    /// The SPI clock. Above 30 MHz, reads need a dummy byte before their data.
     pub spi_hz: u32,
-    /// What a chip select takes beside its bytes, with the processor's way to the next.
+    /// Overhead of a chip select, including the processor's gap to the next one.
     pub select_ns: u32,
-    /// How the interrupt pin asks.
+    /// Mode of the interrupt pin.
     pub interrupt: InterruptPin,
 }
 
-/// What the chip does with its interrupt pin.
+/// Mode of the chip's interrupt pin.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum InterruptPin {
-    /// Drives it high when it asks, else low. A resistor on the board should pull it down: the chip lets go of it in a reset.
+    /// Push-pull, active high. Needs a pull-down on the board, as the pin floats during reset.
     High,
-    /// Drives it low when it asks, else high; with a resistor that pulls it up.
+    /// Push-pull, active low; needs a pull-up.
     Low,
-    /// Pulls it low when it asks, and leaves it to a resistor that pulls it up else; others may pull at the same wire.
+    /// Open drain, active low; needs a pull-up, and may share the line.
     OpenDrain,
 }
 
 impl Default for Wiring {
-    /// 20 MHz, a microsecond for each chip select, interrupt active high.
+    /// 20 MHz, one microsecond per chip select, interrupt active high.
     fn default() -> Self {
         Self { spi_hz: 20_000_000, select_ns: 1_000, interrupt: InterruptPin::High }
     }
@@ -70,27 +69,27 @@ impl Wiring {
     }
 }
 
-/// What went wrong since the driver was made; for diagnosis.
+/// Faults since the driver was created, for diagnosis.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Incidents {
-    /// Register accesses that were repeated because something read back wrong.
+    /// Register accesses repeated because of a wrong read-back.
     pub repeated: u32,
-    /// Accesses that failed because something read back wrong.
+    /// Accesses failed because of a wrong read-back.
     pub garbled: u32,
-    /// Accesses that the chip did not finish in time.
+    /// Accesses that exceeded the chip's timeout.
     pub stuck: u32,
-    /// How often the chip had to be set up again.
+    /// How often the chip was set up again.
     pub restarts: u32,
 }
 
-/// What is known of the chip.
+/// The known condition of the chip.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Health {
-    /// Nothing: it was not talked to yet.
+    /// Not accessed yet.
     Unknown,
-    /// It did not do what it should.
+    /// It misbehaved.
     Suspect,
-    /// It has lost its settings, as the caller knows.
+    /// It has lost its settings, and the caller knows.
     Lost,
     /// It is set up.
     Good,
@@ -104,7 +103,7 @@ pub struct Lan9252<SPI> {
     /// The chip has lost its settings, and the caller does not know yet.
     restarted: bool,
     checked: Instant,
-    /// A register access is under way: its future was dropped, or it failed.
+    /// A register access is unfinished: its future was dropped, or it failed.
     register_open: bool,
     reading: Direction,
     writing: Direction,
@@ -112,7 +111,7 @@ pub struct Lan9252<SPI> {
 }
 
 impl<SPI: SpiDevice> Lan9252<SPI> {
-    /// A driver of the chip at `spi`. The first access resets the chip and sets it up.
+    /// A driver of the chip on `spi`. The first access resets the chip and sets it up.
     pub fn new(spi: SPI, wiring: Wiring) -> Self {
         Self {
             bus: Bus::new(spi, wiring.is_fast()),
@@ -127,12 +126,12 @@ impl<SPI: SpiDevice> Lan9252<SPI> {
         }
     }
 
-    /// What went wrong so far.
+    /// Faults so far.
     pub fn incidents(&self) -> Incidents {
         self.incidents
     }
 
-    /// Notes how an access ended.
+    /// Records the outcome of an access.
     fn noted<T>(&mut self, outcome: Result<T, EscError>) -> Result<T, EscError> {
         match outcome {
             Ok(_) | Err(EscError::Bus | EscError::Absent(_) | EscError::Unreachable(_)) => {}
@@ -140,7 +139,7 @@ impl<SPI: SpiDevice> Lan9252<SPI> {
             Err(EscError::Stuck(_)) => self.incidents.stuck += 1,
             Err(EscError::Restarted) => self.incidents.restarts += 1,
         }
-        // A chip that was never set up stays unknown, and is reset when it answers.
+        // A chip that was never set up stays unknown, and is reset once it responds.
         let fresh = matches!(outcome, Ok(_) | Err(EscError::Restarted));
         if self.health == Health::Good && !fresh {
             self.health = Health::Suspect;
@@ -169,7 +168,7 @@ impl<SPI: SpiDevice> Lan9252<SPI> {
         self.read_register(AL_EVENT, 4).await
     }
 
-    /// Sees to it that the chip is set up, and looks now and then whether it still is.
+    /// Ensures that the chip is set up, and periodically checks that it still is.
     async fn checked(&mut self) -> Result<(), EscError> {
         self.ready().await?;
         if self.checked.elapsed() >= CHECK_INTERVAL {
@@ -187,7 +186,7 @@ impl<SPI: SpiDevice> Lan9252<SPI> {
                 Some(events) => return Ok(events),
                 None => {
                     self.incidents.repeated += 1;
-                    // The event may be gone with what was read; the outputs are still there.
+                    // The failed read may have cleared the event; the outputs are still there.
                     came = Events::OUTPUTS_WRITTEN.0;
                 }
             }
@@ -235,10 +234,10 @@ impl<SPI: SpiDevice> Esc for Lan9252<SPI> {
         const HEAD: u32 = 3;
         let words = |bytes: u16| u32::from(bytes.next_multiple_of(4));
         let read_head = HEAD + u32::from(self.wiring.is_fast());
-        // Place and command; the data; and the proof that they were moved.
+        // Address and command; the data; and the completion check.
         let (write_memory, read_memory) =
             (HEAD + 8 + HEAD + words(inputs) + read_head + 8, HEAD + 8 + 2 * read_head + words(outputs) + 8);
-        // With the outputs, their events: a command, two registers, a second look at one; and the interrupt's status.
+        // Events are read with the outputs: a command, two registers, a second read of one; then the interrupt status.
         let (events, again) = (4 + 8 + 2 * (read_head + 4), if proves { 1 } else { 0 });
         CycleCost {
             bytes: events + (1 + again) * read_memory + write_memory,

@@ -1,15 +1,16 @@
-//! An EtherCAT SubDevice: everything between a controller chip (ESC) and the data of an application.
+//! An EtherCAT SubDevice stack: everything between a controller chip (ESC) and the application's data.
 //!
-//! The ESC takes part in the frames by itself; this code serves its other side, the process data interface: it reads
-//! what the MainDevice wants from registers ([`esc`], over SPI by [`lan9252`]), and answers by registers and memory. [`sub_device`] does that, event by event:
+//! The ESC processes frames on its own; this code serves its other side, the process data interface: it reads the MainDevice's
+//! requests from registers ([`esc`], over SPI by [`lan9252`]), and responds through registers and memory. [`sub_device`] does that,
+//! event by event:
 //!
-//! * a request for a state passes the state machine ([`al_state`]) and the checks of the SyncManagers ([`sync_manager`]);
-//! * a message passes the mailbox ([`mailbox`]) and reaches its protocol by its number: CoE ([`coe`]), which serves the object
-//!   dictionary ([`dictionary`]);
-//! * process data ([`process`]) go to the application and come from it ([`application`]), PDO by PDO as they are assigned
+//! * a state request passes the state machine ([`al_state`]) and the checks of the SyncManagers ([`sync_manager`]);
+//! * a message passes the mailbox ([`mailbox`]), which dispatches by protocol: CoE ([`coe`]) serves the object dictionary
+//!   ([`dictionary`]);
+//! * process data ([`process`]) are exchanged with the application ([`application`]), PDO by PDO as assigned
 //!   ([`assignment`], [`communication`]).
 //!
-//! A device is a table, values, and a task:
+//! A device consists of a table, values, and a task:
 //!
 //! ```
 //! use embedded_hal_async::digital::Wait;
@@ -57,14 +58,14 @@
 //!     sub_device.run(async || interrupt.wait_for_high().await.expect("a pin")).await
 //! }
 //! #
-//! # // It is good for an EEPROM as well.
+//! # // The table makes a valid EEPROM as well.
 //! # use ethercat_description::sii;
 //! # sii::write(&DEVICE, &mut [0; sii::SII_BYTES]).unwrap();
 //! ```
 //!
-//! The example `digital_io` runs one against a controller in software. What happened to a device is told by the diagnosis history
-//! ([`diagnosis`]), and by emergencies. What it is stands in one table ([`device`], [`object`], [`standard`]), from which the crate `ethercat-description` makes
-//! the MainDevice's other sources too: the controller's EEPROM (SII) and the description file (ESI).
+//! The example `digital_io` runs a device on an emulated controller. The diagnosis history ([`diagnosis`]) and emergencies report a
+//! device's errors. One table describes the device ([`device`], [`object`], [`standard`]); from it the crate `ethercat-description`
+//! also generates the MainDevice's other sources: the controller's EEPROM (SII) and the description file (ESI).
 //!
 //! | limit | value | why |
 //! | --- | --- | --- |

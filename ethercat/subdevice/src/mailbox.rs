@@ -1,27 +1,27 @@
-//! Mailbox: messages with counters, their order, and their repetition when a frame was lost (ETG.1000.4, clause 5.6; ETG.1000.6).
+//! Mailbox: messages with counters, their order, and their repetition after a lost frame (ETG.1000.4, clause 5.6; ETG.1000.6).
 //!
-//! Nothing is lost for want of room: a request stays in SM0, which holds the MainDevice off, until its answer has a place.
-//! An answer stays here until SM1 was fetched, and one message longer, since the MainDevice may ask for it again.
+//! A full queue loses nothing: a request stays in SM0, which blocks the MainDevice, until there is room for its response. A
+//! response is kept until SM1 was read, and one message longer, since the MainDevice may request a repetition.
 
 use heapless::{Deque, Vec};
 
-/// Bytes of a mailbox at most.
+/// Most bytes of a mailbox.
 pub const MAILBOX_BYTES_MAX: usize = 128;
-/// Bytes of the header in front of each message.
+/// Bytes of the header of each message.
 pub const HEADER_BYTES: usize = 6;
-/// Bytes of a message behind its header, at most.
+/// Most bytes of a message after its header.
 pub const PAYLOAD_BYTES_MAX: usize = MAILBOX_BYTES_MAX - HEADER_BYTES;
-/// Messages that wait for SM1. One place stays free for a message that a repetition pushes back.
+/// Messages waiting for SM1. One slot stays free for a message displaced by a repetition.
 const OUTBOX_MESSAGES: usize = 3;
 
-/// What a message carries behind the header.
+/// The content of a message after its header.
 pub type Payload = Vec<u8, PAYLOAD_BYTES_MAX>;
 
 /// The protocol of a message; the number is the header's type.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Protocol {
-    /// Says what is wrong with a message.
+    /// Reports an error in a message.
     Error = 0,
     /// Ethernet over EtherCAT.
     Ethernet = 2,
@@ -31,28 +31,28 @@ pub enum Protocol {
     File = 4,
 }
 
-/// What is wrong with a message, as an error reply says it.
+/// The error in a message, as coded in an error reply.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u16)]
 pub enum MailboxError {
-    /// A protocol that is not served.
+    /// Protocol not supported.
     UnsupportedProtocol = 2,
-    /// A service of the protocol that is not served.
+    /// Service of the protocol not supported.
     ServiceNotSupported = 4,
-    /// The header makes no sense.
+    /// Invalid header.
     InvalidHeader = 5,
-    /// Shorter than its service needs.
+    /// Too short for its service.
     SizeTooShort = 6,
     /// Longer than the mailbox.
     InvalidSize = 8,
 }
 
-/// A request that is to be served.
+/// A request to serve.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Request<'a> {
-    /// The header's type: a [`Protocol`] if it is one that is known.
+    /// The header's type: the number of a [`Protocol`], if known.
     pub protocol: u8,
-    /// What is behind the header.
+    /// The content after the header.
     pub payload: &'a [u8],
 }
 
@@ -64,57 +64,57 @@ struct Message {
     payload: Payload,
 }
 
-/// Both mailboxes' state.
+/// The state of both mailboxes.
 #[derive(Debug, Default)]
 pub struct Mailbox {
     /// Bytes of SM1.
     bytes: usize,
     /// The counter of the last request, 0 when there was none.
     received: u8,
-    /// The counter of the last answer.
+    /// The counter of the last response.
     sent: u8,
     waiting: Deque<Message, OUTBOX_MESSAGES>,
-    /// In SM1, and not fetched as far as is known.
+    /// In SM1, and not read as far as is known.
     current: Option<Message>,
-    /// Fetched, but perhaps lost on its way.
+    /// Read, but possibly lost on its way.
     fetched: Option<Message>,
-    /// Whether `current` is `fetched` once more.
+    /// Whether `current` repeats `fetched`.
     repeating: bool,
-    /// The repeat bit that was answered last.
+    /// The repeat bit acknowledged last.
     repeat: bool,
 }
 
 impl Mailbox {
-    /// Starts afresh with mailboxes of `bytes`, from where the repeat bit is now.
+    /// Resets the state for mailboxes of `bytes`, with the present repeat bit.
     pub fn start(&mut self, bytes: u16, repeat: bool) {
         *self = Self { bytes: usize::from(bytes).min(MAILBOX_BYTES_MAX), repeat, ..Self::default() };
     }
 
-    /// Bytes of a message behind the header that fit into the mailbox.
+    /// Most bytes of a message in the mailbox, after its header.
     pub fn payload_bytes(&self) -> usize {
         self.bytes.saturating_sub(HEADER_BYTES)
     }
 
-    /// Whether an answer could be kept, so that a request may be taken from SM0.
+    /// Whether there is room for a response, so that a request may be taken from SM0.
     pub fn has_room(&self) -> bool {
         self.waiting.len() + 1 < OUTBOX_MESSAGES
     }
 
-    /// Whether nothing waits behind what is in SM1.
+    /// Whether no message waits besides the one in SM1.
     pub fn is_idle(&self) -> bool {
         self.waiting.is_empty()
     }
 
-    /// Whether SM1 holds a message that was not fetched, as far as is known.
+    /// Whether SM1 holds an unread message, as far as is known.
     pub fn is_occupied(&self) -> bool {
         self.current.is_some()
     }
 
-    /// Looks at what is in SM0. Nothing comes back when it was had before, or was answered by an error already.
+    /// Parses the content of SM0. Returns `None` for a repetition, or if an error reply was queued.
     pub fn receive<'m>(&mut self, mailbox: &'m [u8]) -> Option<Request<'m>> {
         let (&[length_low, length_high, _, _, _, kind], body) = mailbox.split_first_chunk()?;
         let (protocol, counter) = (kind & 0x0f, (kind >> 4) & 0x07);
-        // A MainDevice that saw no acknowledgement writes the same message again; 0 means that it does not count.
+        // A MainDevice without acknowledgement writes the same message again; 0 disables counting.
         if counter != 0 && counter == self.received {
             return None;
         }
@@ -129,23 +129,23 @@ impl Mailbox {
         }
     }
 
-    /// Answers that a message was not understood. Gives nothing, for the place where a request would stand.
+    /// Queues an error reply. Returns `None` in place of a request.
     pub fn refuse<T>(&mut self, error: MailboxError) -> Option<T> {
         let [low, high] = (error as u16).to_le_bytes();
-        // 0001h: this is an error reply, the only command of its protocol.
+        // 0001h: error reply, the only command of its protocol.
         let payload = Payload::from_slice(&[0x01, 0x00, low, high]).unwrap_or_default();
         self.send(Protocol::Error, payload);
         None
     }
 
-    /// Queues a message. The caller has looked for [room](Self::has_room), so it does not get lost.
+    /// Queues a message. The caller has checked for [room](Self::has_room).
     pub fn send(&mut self, protocol: Protocol, payload: Payload) {
         self.sent = self.sent % 7 + 1;
         let kept = self.waiting.push_back(Message { protocol, counter: self.sent, payload });
         debug_assert!(kept.is_ok(), "a request is taken only when there is room for its answer");
     }
 
-    /// SM1 was fetched.
+    /// SM1 was read.
     pub fn fetched(&mut self) {
         if let Some(message) = self.current.take() {
             self.fetched = Some(message);
@@ -153,7 +153,7 @@ impl Mailbox {
         }
     }
 
-    /// Takes the next message for SM1, which is empty: written into `into`, all of the mailbox's bytes.
+    /// Writes the next message for the empty SM1 into `into`; returns all of the mailbox's bytes.
     pub fn next<'b>(&mut self, into: &'b mut [u8; MAILBOX_BYTES_MAX]) -> Option<&'b [u8]> {
         if self.current.is_some() {
             return None;
@@ -162,18 +162,18 @@ impl Mailbox {
         self.write_current(into)
     }
 
-    /// Whether the repeat bit asks for something new.
+    /// Whether the repeat bit requests a new repetition.
     pub fn is_repeat(&self, repeat: bool) -> bool {
         repeat != self.repeat
     }
 
-    /// The repeat bit that was answered last.
+    /// The repeat bit acknowledged last.
     pub fn acknowledged(&self) -> bool {
         self.repeat
     }
 
-    /// Puts the last message that was fetched first again; what has not been fetched comes behind it. SM1 was emptied for that.
-    /// Nothing is written when nothing was ever sent.
+    /// Returns the last message read, to repeat it; an unread one follows. The caller has emptied SM1. `None` if nothing was ever
+    /// sent.
     pub fn repeat<'b>(&mut self, repeat: bool, into: &'b mut [u8; MAILBOX_BYTES_MAX]) -> Option<&'b [u8]> {
         self.repeat = repeat;
         if let (Some(fetched), false) = (&self.fetched, self.repeating) {
@@ -192,7 +192,7 @@ impl Mailbox {
         let [low, high] = (payload.len() as u16).to_le_bytes();
         into.fill(0);
         let (header, body) = into.split_first_chunk_mut::<HEADER_BYTES>()?;
-        // Address 0: the MainDevice itself; channel and priority 0.
+        // Address 0: the MainDevice; channel and priority 0.
         *header = [low, high, 0, 0, 0, *protocol as u8 | counter << 4];
         body.get_mut(..payload.len())?.copy_from_slice(payload);
         into.get(..self.bytes)

@@ -1,7 +1,7 @@
-//! The object dictionary as data: one table from which SDO, SDO information, the SII image and the ESI file are all served.
+//! The object dictionary as data: one table for SDO, SDO information, SII image and ESI file.
 //!
-//! A device's table is a `const`, sorted by index. Numbers and texts that never change stand in it; what the stack itself keeps
-//! (PDO assignment, synchronisation) is marked as such, and everything else is the application's.
+//! A device's table is a `const`, sorted by index. It contains constant numbers and texts; values kept by the stack itself (PDO
+//! assignment, synchronisation) are marked as such, and the application provides all others.
 
 mod runs;
 mod types;
@@ -13,9 +13,9 @@ use crate::sync_manager::Channel;
 pub use runs::{Mapped, PADDING, RUNS_MAX, Runs};
 pub use types::{Access, DataType};
 
-/// PDOs that a SyncManager carries at most: one for each of 32 modules, and one for the device.
+/// Most PDOs of a SyncManager: one per module for 32 modules, and one for the device.
 pub const PDOS_ASSIGNED_MAX: usize = 33;
-/// PDOs that a MainDevice can assign to a SyncManager.
+/// Most PDOs that a MainDevice can assign to a SyncManager.
 pub const PDOS_SELECTED_MAX: usize = 8;
 
 /// An object: an index with one or more entries.
@@ -25,7 +25,7 @@ pub struct Object {
     pub index: u16,
     /// Its name.
     pub name: &'static str,
-    /// What stands behind its sub-indices.
+    /// Its sub-indices.
     pub entries: Entries,
 }
 
@@ -34,30 +34,30 @@ pub struct Object {
 pub enum Entries {
     /// One value, at sub-index 0.
     Variable(Entry),
-    /// `count` values of one kind from sub-index 1 on; sub-index 0 tells how many.
+    /// `count` values of one kind from sub-index 1 on; sub-index 0 is the count.
     Array(u8, Entry),
-    /// The same, of numbers that never change.
+    /// The same with constant numbers.
     Constants(&'static [u32], Entry),
-    /// Values of different kinds; an [absent](Entry::ABSENT) one leaves its sub-index out.
+    /// Values of different kinds; an [absent](Entry::ABSENT) one skips its sub-index.
     Record(&'static [Entry]),
-    /// Which PDOs a SyncManager carries: the list after power-on, which a MainDevice may change where it may be written. One that is
-    /// fixed and empty is the application's.
+    /// The PDOs of a SyncManager: the list after power-on, which a MainDevice may change if writable. If it is fixed and empty, the
+    /// application makes the assignment.
     Assignment(&'static [u16], Access),
-    /// What a PDO carries, and how it goes with others.
+    /// The content of a PDO, and its rules of assignment.
     Mapping(Runs, PdoRules),
 }
 
-/// How a PDO goes with others.
+/// Rules for the assignment of a PDO.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct PdoRules {
-    /// Those that cannot be assigned with it.
+    /// PDOs that cannot be assigned together with it.
     pub excluded: &'static [u16],
     /// Whether the EEPROM and the ESI file describe it, or only the dictionary.
     pub described: bool,
 }
 
 impl PdoRules {
-    /// It goes with all others, and is described.
+    /// Compatible with all others, and described.
     pub const NONE: Self = Self { excluded: &[], described: true };
 }
 
@@ -66,19 +66,19 @@ impl PdoRules {
 pub struct Entry {
     /// Its name.
     pub name: &'static str,
-    /// What follows its name, if it is one of many alike.
+    /// Number after the name, for one of several equal entries.
     pub number: Option<u8>,
     /// Its type.
     pub data_type: DataType,
-    /// Who may read and write it in which state.
+    /// Access rights per state.
     pub access: Access,
-    /// Where its value comes from.
+    /// Source of its value.
     pub value: Value,
-    /// The least and the greatest number that may be written; `u32::MAX` is no bound. Small, since a device has hundreds of entries.
+    /// The least and the greatest writable number; `u32::MAX` means no limit. Small, since a device has hundreds of entries.
     pub range: (u32, u32),
 }
 
-/// The name of an entry, with what tells it from others alike.
+/// The name of an entry, with its number if it has one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Label {
     name: &'static str,
@@ -92,7 +92,7 @@ impl fmt::Display for Label {
     }
 }
 
-/// Where an entry's value comes from.
+/// Source of an entry's value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Value {
     /// From the table: a number.
@@ -101,50 +101,50 @@ pub enum Value {
     Text(&'static str),
     /// From the stack; the number is its value after power-on.
     Stack(u32),
-    /// From the stack, as hardware and settings make it: there is no value that it has after power-on.
+    /// From the stack, depending on hardware and settings: there is no fixed value after power-on.
     Computed,
     /// From the application; the number is its value after power-on.
     Application(u32),
 }
 
 impl Entry {
-    /// In a record: nothing stands at this sub-index.
+    /// In a record: there is no entry at this sub-index.
     pub const ABSENT: Self = Self { access: Access(0), ..Self::number("", DataType::U8, 0) };
 
-    /// A number that never changes.
+    /// A constant number.
     pub const fn number(name: &'static str, data_type: DataType, value: u32) -> Self {
         let value = Value::Number(value);
         Self { name, number: None, data_type, access: Access::READ, value, range: (0, u32::MAX) }
     }
 
-    /// A text that never changes.
+    /// A constant text.
     pub const fn text(name: &'static str, text: &'static str) -> Self {
         let data_type = DataType::Text(text.len() as u16);
         Self { value: Value::Text(text), ..Self::number(name, data_type, 0) }
     }
 
-    /// A value of the application that is read only.
+    /// A read-only value of the application.
     pub const fn reading(name: &'static str, data_type: DataType) -> Self {
         Self { value: Value::Application(0), ..Self::number(name, data_type, 0) }
     }
 
-    /// The same that a TxPDO may carry.
+    /// The same, mappable to a TxPDO.
     pub const fn input(name: &'static str, data_type: DataType) -> Self {
         Self::reading(name, data_type).with_access(Access::READ.and(Access::TX_PDO))
     }
 
-    /// The same that a RxPDO may carry.
+    /// The same, mappable to an RxPDO.
     pub const fn output(name: &'static str, data_type: DataType) -> Self {
         Self::reading(name, data_type).with_access(Access::READ.and(Access::RX_PDO))
     }
 
-    /// A value of the application that may be written, in every state, as long as it is a number in `least..=greatest`.
+    /// A setting of the application, writable in every state; a number must be within `range`.
     pub const fn setting(name: &'static str, data_type: DataType, default: u32, range: (u32, u32)) -> Self {
         let access = Access::READ.and(Access::WRITE).and(Access::SETTING);
         Self { value: Value::Application(default), access, range, ..Self::number(name, data_type, 0) }
     }
 
-    /// A value that the stack keeps.
+    /// A value kept by the stack.
     pub const fn of_stack(name: &'static str, data_type: DataType, default: u32, access: Access) -> Self {
         Self { value: Value::Stack(default), access, ..Self::number(name, data_type, 0) }
     }
@@ -155,18 +155,18 @@ impl Entry {
         Self { access, ..self }
     }
 
-    /// The same in an array whose entries are told apart: their sub-index ends their name.
+    /// The same in an array with numbered entries: the sub-index is appended to their name.
     #[must_use]
     pub const fn numbered(self) -> Self {
         Self { number: Some(0), ..self }
     }
 
-    /// The name as MainDevices and people see it: `Coil 3`.
+    /// The displayed name: `Coil 3`.
     pub const fn label(&self) -> Label {
         Label { name: self.name, number: self.number }
     }
 
-    /// A value of the application that is another number than 0 after power-on.
+    /// A value of the application that is not 0 after power-on.
     #[must_use]
     pub const fn with_default(self, value: u32) -> Self {
         Self { value: Value::Application(value), ..self }
@@ -184,7 +184,7 @@ impl Entry {
         }
     }
 
-    /// The greatest number that may be written.
+    /// The greatest writable number.
     pub const fn greatest(&self) -> u64 {
         match self.range.1 as u64 {
             greatest if greatest < u32::MAX as u64 && greatest < self.data_type.greatest() => greatest,
@@ -214,7 +214,7 @@ impl Object {
         Self { index, name, entries: Entries::Mapping(Runs::of(mapped), PdoRules::NONE) }
     }
 
-    /// The same PDO, which cannot be assigned together with the PDOs `excluded`.
+    /// The same PDO, not assignable together with the PDOs `excluded`.
     #[must_use]
     pub const fn excluding(self, excluded: &'static [u16]) -> Self {
         match self.entries {
@@ -225,8 +225,8 @@ impl Object {
         }
     }
 
-    /// The same PDO, known by the dictionary alone: each entry takes eight bytes of an EEPROM, which may have no room for another
-    /// view of the same values.
+    /// The same PDO, only in the dictionary: each entry takes eight bytes of the EEPROM, which may have no room for another view of
+    /// the same values.
     #[must_use]
     pub const fn undescribed(self) -> Self {
         match self.entries {
@@ -245,14 +245,14 @@ impl Object {
             Entries::Constants(values, _) => values.len() as u8,
             Entries::Record(entries) => entries.len() as u8,
             Entries::Assignment(_, access) if access.any(Access::WRITE) => PDOS_SELECTED_MAX as u8,
-            // The application's, of which there are more or fewer.
+            // The application's assignment, whose length varies.
             Entries::Assignment([], _) => PDOS_ASSIGNED_MAX as u8,
             Entries::Assignment(fixed, _) => fixed.len() as u8,
             Entries::Mapping(mapped, _) => mapped.iter().fold(0, |sum, run| sum.saturating_add(run.count)),
         }
     }
 
-    /// What stands at sub-index `sub`.
+    /// The entry at sub-index `sub`.
     pub fn entry(&self, sub: u8) -> Option<Entry> {
         if let Entries::Variable(entry) = self.entries {
             return (sub == 0).then_some(entry);
@@ -302,7 +302,7 @@ impl Object {
         }
     }
 
-    /// The data type: of a VAR or ARRAY that of its values, of a RECORD its own (ETG.1000.6, table 63).
+    /// The data type: for VAR and ARRAY that of the values, for RECORD its own (ETG.1000.6, table 63).
     pub const fn data_type(&self) -> u16 {
         match self.entries {
             Entries::Variable(entry) | Entries::Array(_, entry) | Entries::Constants(_, entry) => {
@@ -313,13 +313,13 @@ impl Object {
             Entries::Record(_) => match self.index {
                 0x1018 => 0x0023,
                 0x1c32 | 0x1c33 => 0x0029,
-                // The first number that is left to manufacturers.
+                // The first manufacturer-specific number.
                 _ => 0x0040,
             },
         }
     }
 
-    /// Which SyncManager's PDO this is, if it is one.
+    /// The SyncManager of a PDO.
     pub const fn pdo(&self) -> Option<Channel> {
         match (&self.entries, self.index) {
             (Entries::Mapping(..), 0x1600..=0x17ff) => Some(Channel::Outputs),
@@ -328,7 +328,7 @@ impl Object {
         }
     }
 
-    /// The mapped entries of a PDO, in the form of its values: index, sub-index, bits.
+    /// The mapped entries of a PDO, encoded as its values: index, sub-index, bits.
     pub fn mapped(&self) -> impl Iterator<Item = u32> + use<> {
         let runs = match self.entries {
             Entries::Mapping(runs, _) => runs,

@@ -1,4 +1,4 @@
-//! What a device's table takes, and what runs it: `use ethercat_subdevice::prelude::*`.
+//! Everything to describe and run a device: `use ethercat_subdevice::prelude::*`.
 
 pub use crate::al_state::{AlState, AlStatusCode};
 pub use crate::application::{Address, Application};

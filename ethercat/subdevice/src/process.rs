@@ -1,4 +1,4 @@
-//! The process image: how a SyncManager's bytes are handed to the application, PDO by PDO.
+//! The process image: exchanges a SyncManager's bytes with the application, PDO by PDO.
 
 use embassy_time::Instant;
 
@@ -7,19 +7,19 @@ use crate::catalogue::Catalogue;
 use crate::communication::Communication;
 use crate::device::Device;
 
-/// Bytes of outputs that a SubDevice has a buffer for, unless it is made with another: both images fit into 4 KiB.
+/// Default size of a SubDevice's output buffer: both images fit into 4 KiB.
 pub const OUTPUTS_BYTES: usize = 512;
-/// Bytes of inputs, likewise: as many, and some that tell how good they are.
+/// Default size of the input buffer: as large, plus validity information.
 pub const INPUTS_BYTES: usize = 584;
 
-/// The images of both directions, in buffers of so many bytes.
+/// The images of both directions, in buffers of fixed size.
 #[derive(Debug)]
 pub struct Images<const OUTPUTS: usize = OUTPUTS_BYTES, const INPUTS: usize = INPUTS_BYTES> {
-    /// The last outputs; good only if they are valid.
+    /// The last outputs; meaningful only if they are valid.
     pub outputs: [u8; OUTPUTS],
-    /// Whether outputs have come since SafeOp was entered and the watchdog ran out.
+    /// Whether outputs arrived since SafeOp was entered or the watchdog expired.
     pub outputs_valid: bool,
-    /// Outputs have come that were not handed out.
+    /// Outputs arrived that the application has not got yet.
     pub outputs_due: bool,
     /// When inputs are due in free run.
     pub inputs_due: Instant,
@@ -39,7 +39,7 @@ impl<const OUTPUTS: usize, const INPUTS: usize> Default for Images<OUTPUTS, INPU
 }
 
 impl<const OUTPUTS: usize, const INPUTS: usize> Images<OUTPUTS, INPUTS> {
-    /// Hands the last outputs to the application.
+    /// Passes the last outputs to the application.
     pub fn hand_out(
         &self,
         device: &'static Device,
@@ -48,7 +48,7 @@ impl<const OUTPUTS: usize, const INPUTS: usize> Images<OUTPUTS, INPUTS> {
     ) {
         let mut rest = &self.outputs[..];
         for pdo in communication.outputs.indices() {
-            // SafeOp is not entered with an assignment that is longer than the buffer.
+            // SafeOp is refused if the assignment exceeds the buffer.
             let Some((bytes, behind)) = rest.split_at_checked(pdo_bytes(device, application, pdo)) else {
                 return;
             };
@@ -57,7 +57,7 @@ impl<const OUTPUTS: usize, const INPUTS: usize> Images<OUTPUTS, INPUTS> {
         }
     }
 
-    /// Gathers the application's inputs.
+    /// Collects the application's inputs.
     pub fn gather(
         &mut self,
         device: &'static Device,

@@ -1,4 +1,4 @@
-//! The objects that every device with a mailbox has (ETG.1000.6, clause 5.6.7; ETG.1020).
+//! The standard objects of devices with a mailbox (ETG.1000.6, clause 5.6.7; ETG.1020).
 
 use crate::device::Identity;
 use crate::diagnosis::{FIRST_MESSAGE, MESSAGE_BYTES, MESSAGES};
@@ -24,7 +24,7 @@ pub const fn software_version(version: &'static str) -> Object {
     Object::variable(0x100a, Entry::text("Software version", version))
 }
 
-/// 1018h, identity: the entries are those of [`identity_entries`], kept in a static.
+/// 1018h, identity; `entries` is a static with [`identity_entries`].
 pub const fn identity(entries: &'static [Entry]) -> Object {
     Object::record(0x1018, "Identity", entries)
 }
@@ -39,17 +39,17 @@ pub const fn identity_entries(identity: Identity) -> [Entry; 4] {
     ]
 }
 
-/// 10F1h, what becomes of local errors and of lost synchronisation: nothing that could be set.
+/// 10F1h, reaction to local errors and lost synchronisation: nothing is configurable.
 pub const ERROR_SETTINGS: Object = {
     const ENTRIES: [Entry; 2] = [
         Entry::number("Local error reaction", DataType::U32, 0),
-        // There is no limit.
+        // No limit.
         Entry::number("Sync error counter limit", DataType::U16, 0),
     ];
     Object::record(0x10f1, "Error settings", &ENTRIES)
 };
 
-/// 10F3h, the diagnosis history; the application has it and answers by its [`History`](crate::diagnosis::History).
+/// 10F3h, the diagnosis history; provided by the application from its [`History`](crate::diagnosis::History).
 pub const DIAGNOSIS_HISTORY: Object = {
     const SETTING: Access = Access::READ.and(Access::WRITE);
     const ENTRIES: [Entry; FIRST_MESSAGE as usize - 1 + MESSAGES] = {
@@ -65,19 +65,19 @@ pub const DIAGNOSIS_HISTORY: Object = {
     Object::record(0x10f3, "Diagnosis history", &ENTRIES)
 };
 
-/// 10F8h, the time of the diagnosis history, in nanoseconds; the application's.
+/// 10F8h, the time base of the diagnosis history, in nanoseconds; provided by the application.
 pub const TIME_STAMP: Object = Object::variable(0x10f8, Entry::reading("Time stamp", DataType::U64));
 
-/// 1C00h, what the SyncManagers are for: mailbox out and in, outputs, inputs.
+/// 1C00h, the purposes of the SyncManagers: mailbox out and in, outputs, inputs.
 pub const SYNC_MANAGER_TYPES: Object = Object {
     index: 0x1c00,
     name: "SyncManager types",
     entries: Entries::Constants(&[1, 2, 3, 4], Entry::number("SyncManager type", DataType::U8, 0)),
 };
 
-/// Rights of an assignment that may be changed, in PreOp.
+/// Rights of an assignment that can be changed, in PreOp.
 pub const SELECTABLE: Access = Access::READ.and(Access::WRITE_PRE_OP);
-/// Rights of an assignment that is fixed.
+/// Rights of a fixed assignment.
 pub const FIXED: Access = Access::READ;
 
 /// 1C12h, the PDOs of the outputs, [`SELECTABLE`] or [`FIXED`].
@@ -90,12 +90,12 @@ pub const fn tx_assignment(initial: &'static [u16], access: Access) -> Object {
     Object { index: 0x1c13, name: "TxPDO assignment", entries: Entries::Assignment(initial, access) }
 }
 
-/// Synchronisation types offered: free run (bit 0) and with the SyncManager's event (bit 1).
+/// Supported synchronisation types: free run (bit 0) and SyncManager event (bit 1).
 const SYNC_TYPES: u32 = 0b11;
-/// 2 in 1C32h:08 or 1C33h:08 has what is counted there begin anew.
+/// Writing 2 to 1C32h:08 or 1C33h:08 resets the counters of that object.
 pub const RESET_COUNTERS: u16 = 2;
 
-/// The last one is 20h.
+/// The last entry is 20h.
 const fn synchronisation(default: u32) -> [Entry; 32] {
     const RESET: Access = Access::READ.and(Access::WRITE);
     let mut entries = [Entry::ABSENT; 32];
@@ -103,7 +103,7 @@ const fn synchronisation(default: u32) -> [Entry; 32] {
     entries[0x01] = Entry::number("Cycle time", DataType::U32, 0);
     entries[0x02] = Entry::number("Shift time", DataType::U32, 0);
     entries[0x03] = Entry::number("Synchronisation types supported", DataType::U16, SYNC_TYPES);
-    // What the bus to the controller makes it.
+    // Depends on the bus to the controller.
     entries[0x04] = Entry { value: Value::Computed, ..Entry::number("Minimum cycle time", DataType::U32, 0) };
     entries[0x05] = Entry::number("Calc and copy time", DataType::U32, 0);
     entries[0x07] = Entry::of_stack("Get cycle time", DataType::U16, 0, RESET);
@@ -115,13 +115,13 @@ const fn synchronisation(default: u32) -> [Entry; 32] {
     entries
 }
 
-/// 1C32h, how outputs are synchronised.
+/// 1C32h, synchronisation of outputs.
 pub const OUTPUT_SYNCHRONISATION: Object = {
     const ENTRIES: [Entry; 32] = synchronisation(0x01);
     Object::record(0x1c32, "Output SyncManager parameters", &ENTRIES)
 };
 
-/// 1C33h, how inputs are synchronised.
+/// 1C33h, synchronisation of inputs.
 pub const INPUT_SYNCHRONISATION: Object = {
     const ENTRIES: [Entry; 32] = synchronisation(0x22);
     Object::record(0x1c33, "Input SyncManager parameters", &ENTRIES)

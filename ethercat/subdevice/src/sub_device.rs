@@ -1,8 +1,8 @@
-//! The SubDevice: serves a controller's events, one after the other.
+//! The SubDevice: serves a controller's events one by one.
 //!
-//! A pass reads the event register and does what it says: a request for a state (`states`), a changed SyncManager (`checks`), a message (`mail`), process data
-//! (`data`). Which events raise the interrupt follows from what can be done about them, so a request that must wait for
-//! room does not keep the interrupt up.
+//! A pass reads the event register and dispatches: a state request (`states`), a changed SyncManager (`checks`), a message
+//! (`mail`), process data (`data`). The interrupt mask contains only events that can be served now, so a request that must wait for
+//! room does not hold the interrupt asserted.
 
 mod checks;
 mod data;
@@ -24,64 +24,64 @@ use crate::process::{INPUTS_BYTES, Images, OUTPUTS_BYTES};
 use crate::registers::{AL_EVENT_MASK, Events};
 use crate::sync_manager::Channel;
 
-/// How long Op may wait for the first outputs.
+/// How long Op waits for the first outputs.
 pub const OUTPUTS_WAIT: Duration = Duration::from_millis(1_000);
-/// How often inputs are renewed in free run.
+/// Update period of inputs in free run.
 pub const FREE_RUN_CYCLE: Duration = Duration::from_millis(1);
-/// How often the application is asked whether a write has ended.
+/// Interval at which the application is polled for the end of a write.
 const WRITING_PAUSE: Duration = Duration::from_millis(1);
-/// How often the application is asked for emergencies, while they are sent.
+/// Interval at which the application is polled for emergencies, while they are enabled.
 const EMERGENCY_PAUSE: Duration = Duration::from_millis(20);
-/// How often the controller is looked at where it has nothing to tell: one that was lost cannot tell, and its PDI watchdog runs
-/// out after 100 ms unless a MainDevice sets it.
+/// Interval of liveness checks without events: a controller that was reset sends none, and its PDI watchdog expires after 100 ms
+/// unless a MainDevice sets it.
 pub const LOOK_INTERVAL: Duration = Duration::from_millis(50);
-/// Looks at the events in a row at most, whatever a MainDevice does meanwhile.
+/// Most passes in a row, whatever a MainDevice does meanwhile.
 const PASSES_MAX: usize = 64;
-/// How long the controller is left alone when it did not answer.
+/// Pause before a failed controller is restarted.
 pub const RESTART_PAUSE: Duration = Duration::from_millis(10);
 
-/// PDI control: the SyncManager is off, and the repeat request that was served.
+/// PDI control: SyncManager off, and acknowledgement of the repeat request.
 const PDI_CONTROL_OFF: u8 = 1 << 0;
 const PDI_CONTROL_REPEAT: u8 = 1 << 1;
 
-/// What was seen of the interrupt, behind all that clears events of process data.
+/// State of the interrupt, after all accesses that clear process data events.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Seen {
-    /// Nobody looked.
+    /// Not checked.
     Nothing,
-    /// It was not asked for.
+    /// Not asserted.
     Quiet,
-    /// It was asked for.
+    /// Asserted.
     DirectRequestState,
 }
 
 /// A SubDevice on a controller, for an application.
 ///
-/// It has buffers for `OUTPUTS` and `INPUTS` bytes of process data. An image that is longer than they are, or than the controller's
-/// memory holds, is refused: when PDOs are assigned by the abort code 06040042h, on the way to SafeOp by 0025h and 0024h.
+/// It has buffers for `OUTPUTS` and `INPUTS` bytes of process data. An image that exceeds them, or the controller's memory, is
+/// refused: during PDO assignment with abort code 06040042h, on the way to SafeOp with 0025h or 0024h.
 pub struct SubDevice<E, A, const OUTPUTS: usize = OUTPUTS_BYTES, const INPUTS: usize = INPUTS_BYTES> {
     device: &'static Device,
     esc: E,
     application: A,
-    /// How many SyncManagers the controller has.
+    /// Number of SyncManagers in the controller.
     sync_managers: u8,
-    /// How many KiB of process memory.
+    /// KiB of process memory.
     memory_kib: u8,
     al: AlMachine,
     communication: Communication,
     mailbox: Mailbox,
     coe: Coe,
     images: Images<OUTPUTS, INPUTS>,
-    /// The events that raise the interrupt, as far as the controller was told.
+    /// The interrupt mask as the controller has it.
     mask: Option<Events>,
-    /// When the controller last proved that it is the one that was started.
+    /// When the controller last proved that it was not reset.
     proved: Instant,
-    /// Op was asked for, and waits for outputs until then.
+    /// Op was requested, and waits for outputs until then.
     op_deadline: Option<Instant>,
 }
 
 impl<E: Esc, A: Application> SubDevice<E, A> {
-    /// A SubDevice that is what `device` says, with buffers as images in a controller of 4 KiB need.
+    /// A SubDevice described by `device`, with buffers for a controller of 4 KiB.
     pub fn new(device: &'static Device, esc: E, application: A) -> Self {
         Self::with_buffers(device, esc, application)
     }
@@ -107,24 +107,24 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
         }
     }
 
-    /// The state it is in.
+    /// The current state.
     pub fn state(&self) -> AlState {
         self.al.state()
     }
 
-    /// What a cycle of process data costs on the way to the controller, as PDOs are assigned.
+    /// Bus cost of a process data cycle with the present assignment.
     pub fn cycle_cost(&self) -> CycleCost {
         let bytes = |channel| self.data_bytes(channel);
         let proves = self.application.proves_outputs();
         self.esc.cycle_cost(bytes(Channel::Outputs), bytes(Channel::Inputs), proves)
     }
 
-    /// The shortest cycle in which no outputs are missed (1C32h:05): what it costs, and what the application takes beside that.
+    /// The shortest cycle without missed outputs (1C32h:05): the bus cost plus the application's overhead.
     pub fn cycle_ns_min(&self) -> u32 {
         self.cycle_cost().nanos(self.application.cycle_fixed_ns())
     }
 
-    /// How often outputs came before those before them were taken, since SafeOp was entered (1C32h:0B).
+    /// Number of outputs overwritten before they were taken, since SafeOp was entered (1C32h:0B).
     pub fn outputs_missed(&self) -> u16 {
         self.communication.timing.missed_events
     }
@@ -143,8 +143,8 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
         &mut self.application
     }
 
-    /// Serves the controller for ever. `attention` waits for the controller's interrupt (a level), or for as long as may pass
-    /// between two looks where there is none. A controller that fails is started anew.
+    /// Serves the controller forever. `attention` waits for the controller's interrupt (a level), or without one for the polling
+    /// interval. A failed controller is restarted.
     pub async fn run(&mut self, mut attention: impl AsyncFnMut()) -> ! {
         loop {
             self.run_until_fault(&mut attention).await;
@@ -152,7 +152,7 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
         }
     }
 
-    /// [`run`](Self::run) until the controller fails, or the application is another device's.
+    /// [`run`](Self::run) until the controller fails, or the application changes to another device.
     pub async fn run_until_fault(&mut self, attention: &mut impl AsyncFnMut()) {
         if let Err(fault) = self.serve_until_fault(attention).await {
             self.application.failed(fault);
@@ -160,7 +160,7 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
         self.application.outputs_stopped();
     }
 
-    /// Is what `device` says from its next start on.
+    /// Switches to `device` with its next start.
     pub fn become_device(&mut self, device: &'static Device) {
         (self.device, self.communication) = (device, Communication::new(device));
     }
@@ -179,15 +179,15 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
         }
     }
 
-    /// Does all that there is to do now. [`start`](Self::start) comes first.
+    /// Serves all pending events. Call [`start`](Self::start) first.
     pub async fn serve(&mut self) -> Result<(), EscError> {
         self.serve_asked(false).await
     }
 
-    /// The same. If the controller `asked` for it, that is for new outputs, most of the time.
+    /// The same. If the controller `asked` for it, the event most likely announces new outputs.
     async fn serve_asked(&mut self, asked: bool) -> Result<(), EscError> {
         let mut ahead = asked && self.al.state() == AlState::Op && self.data_bytes(Channel::Outputs) > 0;
-        // An interrupt that is still asked for is told of again, or found by the next look.
+        // An interrupt that is still asserted triggers again, or the next check finds it.
         for _ in 0..PASSES_MAX {
             if !self.pass(core::mem::take(&mut ahead)).await? {
                 break;
@@ -196,8 +196,8 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
         self.update_mask().await
     }
 
-    /// Looks whether the controller is the one that was started, unless its interrupt has just shown that: one that was reset
-    /// does not know any more what to interrupt for.
+    /// Checks that the controller was not reset, unless its interrupt has just proved that: after a reset its interrupt mask is
+    /// lost.
     async fn prove(&mut self) -> Result<(), EscError> {
         if self.proved.elapsed() < LOOK_INTERVAL {
             return Ok(());
@@ -211,7 +211,7 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
         Ok(())
     }
 
-    /// When something is due without an event, beside the look after [`LOOK_INTERVAL`].
+    /// Next deadline without an event, besides the check after [`LOOK_INTERVAL`].
     pub fn due(&self) -> Option<Instant> {
         let inputs = self.runs_free().then_some(self.images.inputs_due);
         let writes = self.al.state().has_mailbox() && self.coe.is_writing();
@@ -221,14 +221,14 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
         [inputs, self.op_deadline, written, emergency].into_iter().flatten().min()
     }
 
-    /// Does what one look at the events asks for, with outputs read `ahead` or not; false when the interrupt is not asked for
-    /// any more: until then a processor that is woken by edges would not be woken again.
+    /// Serves one read of the events, with outputs read `ahead` or not; returns false once the interrupt is deasserted: an
+    /// edge-triggered processor would not wake again before that.
     async fn pass(&mut self, ahead: bool) -> Result<bool, EscError> {
         let events = match ahead {
             true => self.read_outputs_ahead().await?,
             false => Events(self.esc.events().await?),
         };
-        // Before anything is done about them: a chip that was reset has events as well, but does not tell them.
+        // Before serving them: a reset chip also has events, but does not interrupt.
         match ahead && self.mask.is_some_and(|mask| events.any(mask)) {
             true => self.proved = Instant::now(),
             false => self.prove().await?,
@@ -248,7 +248,7 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
         let seen = self.exchange_data(events, ahead).await?;
         self.op_without_outputs().await?;
         match seen {
-            // What the events say may have changed meanwhile.
+            // There may be new events.
             Seen::DirectRequestState => Ok(true),
             Seen::Quiet => self.exchange_mail(events).await,
             Seen::Nothing => Ok(self.exchange_mail(events).await? || events.any(self.wanted())),
@@ -260,10 +260,10 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
             && self.communication.synchronisation() == Some(Synchronisation::FreeRun)
     }
 
-    /// The events that something can be done about now.
+    /// The events that can be served now.
     fn wanted(&self) -> Events {
         let data = self.al.state().has_process_data();
-        // In Op inputs follow the outputs, as far as that was asked for.
+        // In Op, inputs follow the outputs if so configured.
         let follow =
             self.al.state() == AlState::Op && self.communication.inputs_follow_outputs(&self.catalogue());
         Events(Events::AL_CONTROL.0 | Events::SYNC_MANAGER_CHANGED.0)
@@ -282,7 +282,7 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
         Ok(())
     }
 
-    /// Lets a SyncManager work, or not. What was acknowledged stays so.
+    /// Switches a SyncManager on or off. The repeat acknowledgement stays.
     async fn switch(&mut self, channel: Channel, on: bool) -> Result<(), EscError> {
         let repeat = channel == Channel::MailboxIn && self.mailbox.acknowledged();
         let off = if on { 0 } else { PDI_CONTROL_OFF };

@@ -1,18 +1,18 @@
-//! SyncManagers: where mailboxes and process data lie in the controller's memory, and whether the MainDevice set them up so.
+//! SyncManagers: the layout of mailboxes and process data in the controller's memory, and checks of the MainDevice's settings.
 
 use crate::al_state::AlStatusCode;
 use crate::registers::{SYNC_MANAGER_BYTES, SYNC_MANAGER_PDI_CONTROL, SYNC_MANAGERS};
 
-/// How many SyncManagers are used: two mailboxes, outputs, inputs.
+/// Number of SyncManagers used: two mailboxes, outputs, inputs.
 pub const SYNC_MANAGERS_USED: usize = 4;
-/// How many SyncManagers a controller has at most.
+/// Most SyncManagers of a controller.
 pub const SYNC_MANAGERS_MAX: u8 = 16;
-/// Where process memory begins; registers lie below.
+/// Start of process memory; registers are below.
 pub const MEMORY_START: u16 = 0x1000;
-/// Bytes of a mailbox at least: both headers of CoE, 8 bytes of SDO, and room to move (ETG.1000.4 wants 34).
+/// Least bytes of a mailbox: both headers of CoE, 8 bytes of SDO, and headroom (ETG.1000.4 requires 34).
 pub const MAILBOX_BYTES_MIN: u16 = 34;
 
-/// Which SyncManager it is.
+/// The number of a SyncManager in use.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Channel {
@@ -27,11 +27,11 @@ pub enum Channel {
 }
 
 impl Channel {
-    /// All of them, by number.
+    /// All channels, by number.
     pub const ALL: [Self; SYNC_MANAGERS_USED] =
         [Self::MailboxOut, Self::MailboxIn, Self::Outputs, Self::Inputs];
 
-    /// The address of its block of registers.
+    /// The address of its register block.
     pub const fn registers(self) -> u16 {
         SYNC_MANAGERS + SYNC_MANAGER_BYTES * self as u16
     }
@@ -46,7 +46,7 @@ impl Channel {
         self as u8 + 1
     }
 
-    /// The control byte that the MainDevice is told to write.
+    /// The control byte that the MainDevice should write.
     pub const fn control(self) -> u8 {
         match self {
             Self::MailboxOut => 0x26,
@@ -56,7 +56,7 @@ impl Channel {
         }
     }
 
-    /// What the AL status code is when it is not set up well.
+    /// The AL status code for wrong settings.
     pub const fn fault(self) -> AlStatusCode {
         match self {
             Self::MailboxOut | Self::MailboxIn => AlStatusCode::InvalidMailbox,
@@ -66,33 +66,33 @@ impl Channel {
     }
 }
 
-/// A SyncManager's registers, as they were read.
+/// A SyncManager's registers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct SyncManager {
-    /// Where its buffer begins.
+    /// Start address of its buffer.
     pub start: u16,
-    /// The buffer's bytes.
+    /// Bytes of its buffer.
     pub length: u16,
     /// Mode, direction, events, watchdog.
     pub control: u8,
-    /// What its buffers hold.
+    /// State of its buffers.
     pub status: u8,
-    /// Activation by the MainDevice, with the repeat request.
+    /// Activation by the MainDevice, and the repeat request.
     pub activate: u8,
 }
 
 impl SyncManager {
-    /// Mode (bits 1:0), direction (bits 3:2) and the event for this side (bit 5), without which nobody would look; the event for
-    /// the MainDevice and the watchdog are its own choice.
+    /// Mode (bits 1:0), direction (bits 3:2) and the event for this side (bit 5), which is required; the event for the MainDevice
+    /// and the watchdog are the MainDevice's choice.
     const KIND: u8 = 0x2f;
     const ENABLE: u8 = 1 << 0;
     const REPEAT: u8 = 1 << 1;
     /// The mailbox is full.
     const FULL: u8 = 1 << 3;
-    /// The buffer that was written last (bits 5:4); 3 means none.
+    /// The last written buffer (bits 5:4); 3 means none.
     const NEVER_WRITTEN: u8 = 3 << 4;
 
-    /// From the 8 bytes of its block.
+    /// Decodes the 8 bytes of its block.
     pub const fn from_bytes(block: [u8; SYNC_MANAGER_BYTES as usize]) -> Self {
         let [start_low, start_high, length_low, length_high, control, status, activate, _pdi] = block;
         Self {
@@ -104,27 +104,27 @@ impl SyncManager {
         }
     }
 
-    /// Whether the MainDevice has it enabled.
+    /// Whether the MainDevice has enabled it.
     pub const fn enabled(self) -> bool {
         self.activate & Self::ENABLE != 0
     }
 
-    /// The bit that the MainDevice toggles to have the last message again.
+    /// The bit that the MainDevice toggles to request a repetition.
     pub const fn repeat(self) -> bool {
         self.activate & Self::REPEAT != 0
     }
 
-    /// Whether it holds a message that was not fetched.
+    /// Whether it holds an unread message.
     pub const fn is_full(self) -> bool {
         self.status & Self::FULL != 0
     }
 
-    /// Whether process data were written into it since it was switched on.
+    /// Whether process data were written since it was switched on.
     pub const fn was_written(self) -> bool {
         self.status & Self::NEVER_WRITTEN != Self::NEVER_WRITTEN
     }
 
-    /// Checks that it serves `channel` with `length` bytes at `start`; without bytes it must be off, or have none.
+    /// Checks that it serves `channel` with `length` bytes at `start`; for a length of 0 it must be off or empty.
     pub fn check(self, channel: Channel, start: u16, length: u16) -> Result<(), AlStatusCode> {
         let kind_fits = (self.control ^ channel.control()) & Self::KIND == 0;
         let good = match length {
@@ -135,22 +135,22 @@ impl SyncManager {
     }
 }
 
-/// How the controller's memory is shared out.
+/// The layout of the controller's memory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct MemoryPlan {
     /// Bytes of each of the two mailboxes.
     pub mailbox_bytes: u16,
-    /// The most bytes of outputs.
+    /// Most bytes of outputs.
     pub outputs_bytes_max: u16,
-    /// The most bytes of inputs.
+    /// Most bytes of inputs.
     pub inputs_bytes_max: u16,
 }
 
 impl MemoryPlan {
-    /// A plan for `memory_bytes` of process memory. A [`SubDevice`](crate::sub_device::SubDevice) needs buffers for its images as well.
+    /// A plan for `memory_bytes` of process memory. The [`SubDevice`](crate::sub_device::SubDevice) has the image buffers.
     ///
     /// # Panics
-    /// At build time, where it is meant to be called: when the plan does not fit.
+    /// If the plan does not fit; at build time, when used in a `const` as intended.
     pub const fn new(
         mailbox_bytes: u16,
         outputs_bytes_max: u16,
@@ -166,8 +166,7 @@ impl MemoryPlan {
         plan
     }
 
-    /// The most bytes of a channel in a controller with `kib` KiB of process memory: as planned, or as many as there are three buffers
-    /// of.
+    /// Most bytes of a channel in a controller with `kib` KiB of process memory: the planned ones, or what fits there three times.
     pub fn room(&self, channel: Channel, kib: u8) -> u16 {
         let planned = match channel {
             Channel::MailboxOut | Channel::MailboxIn => return self.mailbox_bytes,
@@ -179,7 +178,7 @@ impl MemoryPlan {
         u16::try_from(fit).map_or(planned, |fit| fit.min(planned))
     }
 
-    /// Where a channel's buffer begins, at a multiple of 8. Process data take three buffers, one behind the other.
+    /// Start address of a channel's buffer, a multiple of 8. Process data have three consecutive buffers.
     pub const fn start(&self, channel: Channel) -> u16 {
         let mailbox = self.mailbox_bytes.next_multiple_of(8);
         match channel {

@@ -1,4 +1,4 @@
-//! The state tasks share for a console's direct request: its outcome, and the settings on trial.
+//! The shared state of a console's direct request: its outcome, and the settings on trial.
 
 use core::cell::Cell;
 use core::sync::atomic::{AtomicBool, AtomicU16, Ordering};
@@ -14,11 +14,11 @@ use crate::stats::Event;
 /// Why there is no response.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Failure {
-    /// None in time; it may still arrive.
+    /// No response in time; it may still arrive.
     Timeout,
-    /// It was corrupt, in this way.
+    /// The response was corrupt, in this way.
     Corrupt(Event),
-    /// Somebody else was sending at the same time.
+    /// Another device was sending at the same time.
     Collision,
 }
 
@@ -40,9 +40,9 @@ pub(crate) struct DirectRequestState {
 pub(crate) struct Trial {
     /// The port.
     pub(crate) port: PortId,
-    /// Replaces the port's own.
+    /// The line settings on trial.
     pub(crate) line: LineSettings,
-    /// Replaces the port's own.
+    /// The response time-out on trial.
     pub(crate) timeout: Duration,
     /// Whether other requests are refused meanwhile, and the port learns nothing about its units.
     pub(crate) alone: bool,

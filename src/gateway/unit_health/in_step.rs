@@ -1,5 +1,5 @@
-//! Whether a unit is in step, and how to prove it: the rules of [`outstanding`](crate::gateway::outstanding) applied to each
-//! unit.
+//! Determines whether a unit is in step, and how to prove it: the rules of [`outstanding`](crate::gateway::outstanding) applied to
+//! each unit.
 
 use super::*;
 
@@ -19,7 +19,7 @@ impl Units<'_> {
         }
     }
 
-    /// What may be sent to `id` when `request` is due.
+    /// The next step for `id` when `request` is due.
     pub fn step(&mut self, id: u8, request: &[u8], care: &Care, now: Instant) -> Step {
         let port = self.port as u8;
         let shape = Shape::of_request(request);
@@ -51,8 +51,8 @@ impl Units<'_> {
         Step::Prove(self.all.outstanding.diagnostic(now.as_ticks()), Purpose::Diagnostic)
     }
 
-    /// Function 8, until the unit is known to ignore it. It alternates with a read, which proves something if no response to an
-    /// earlier request looks the same, and shows at least whether function 8 is ignored.
+    /// Prefers function 8, until the unit is known to ignore it. It alternates with a read, which proves something if no response
+    /// to an earlier request looks the same, and shows at least whether function 8 is ignored.
     fn find_proof(&mut self, id: u8, request: &[u8], care: &Care, now: Instant) -> Step {
         let Some(&Unit { reads: [first, second], ignored, by_read, tried, answers_diagnostics, .. }) =
             self.find(id)
@@ -84,7 +84,7 @@ impl Units<'_> {
         }
     }
 
-    /// Waits until what is outstanding at `id` can no longer be answered.
+    /// Waits until outstanding requests of `id` can no longer be answered.
     fn wait(&mut self, id: u8, care: &Care, now: Instant) -> Step {
         let Some(unit) = self.entry(id) else { return Step::Direct };
         if !unit.waited {
@@ -106,7 +106,7 @@ impl Units<'_> {
         Step::Direct
     }
 
-    /// `request` is being sent to `id`.
+    /// Records that `request` is being sent to `id`.
     pub fn sent(&mut self, id: u8, request: &[u8], purpose: Purpose) {
         if self.list().frozen {
             return;
@@ -118,12 +118,12 @@ impl Units<'_> {
         }
     }
 
-    /// A truncated request was sent to `id`, which may have accepted it: its response is unknown.
+    /// Records that a truncated request was sent to `id`, which may have accepted it: its response is unknown.
     pub fn sent_in_part(&mut self, id: u8) {
         self.all.outstanding.forget(self.port as u8, id);
     }
 
-    /// `id` has sent a valid `response`. `Ok` if it is the expected one (`expected`: one is expected from `id`), otherwise the
+    /// Matches a valid `response` from `id`. `Ok` if it is the expected one (`expected`: one is expected from `id`), otherwise the
     /// event to count.
     pub fn match_response(
         &mut self,
@@ -148,7 +148,7 @@ impl Units<'_> {
         if let Some(unit) = self.known(id) {
             unit.responded = true;
             if in_step && unit.waited {
-                // Nothing is left to wait for.
+                // No response is outstanding any more.
                 (unit.waited, unit.held_until) = (false, now);
             }
             unit.answers_diagnostics |= is_diagnostic;
@@ -175,7 +175,7 @@ impl Units<'_> {
         }
     }
 
-    /// `id` has answered the proof.
+    /// Records that `id` has answered the proof.
     pub fn proved(&mut self, id: u8) {
         if let Some(unit) = self.entry(id) {
             unit.alive();
@@ -183,8 +183,8 @@ impl Units<'_> {
         }
     }
 
-    /// `id` has not answered a proof. Returns whether the request waiting for it fails too: not if something else was received.
-    /// The proof does not count towards being down, but delays the next one.
+    /// Records that `id` has not answered a proof. Returns whether the request waiting for it fails too: not if something else was
+    /// received. The proof does not count towards being down, but delays the next one.
     pub fn not_proved(&mut self, id: u8, now: Instant, down_after: u8) -> bool {
         self.set_needs_check(true);
         let Some(unit) = self.entry(id) else { return true };
@@ -200,14 +200,14 @@ impl Units<'_> {
         true
     }
 
-    /// `id` has answered `request`.
+    /// Learns from a response of `id` to `request`.
     pub fn learn(&mut self, id: u8, request: &[u8]) {
         if let (Some(read), Some(unit)) = (as_read(request), self.known(id)) {
             unit.remember(read);
         }
     }
 
-    /// The entry of `id`, if it is known.
+    /// The entry of `id`, if it exists.
     fn known(&mut self, id: u8) -> Option<&mut Unit> {
         let slots = self.list().slots();
         self.all.units.get_mut(slots)?.iter_mut().find(|unit| unit.id == id)

@@ -12,20 +12,20 @@ pub const PROBE_FIRST: Duration = Duration::from_secs(1);
 /// See [`PROBE_FIRST`].
 pub const PROBE_LONGEST: Duration = Duration::from_secs(30);
 
-/// Unanswered proofs by function 8, followed by answered requests, until the unit is taken to ignore them. Responses get lost,
-/// and late ones often several in a row, since they collide with the requests sent meanwhile.
+/// Unanswered proofs by function 8, followed by answered requests, until the unit is assumed to ignore them. Several responses in a
+/// row may get lost, especially late ones, which collide with the requests sent meanwhile.
 pub(super) const IGNORED_MAX: u8 = 8;
 
-/// Unanswered proofs of any kind, until a unit that has never answered a read is not sent any more of them.
+/// Unanswered proofs of any kind, after which a unit that has never answered a read gets no more of them.
 pub(super) const TRIED_MAX: u8 = 3;
 
-/// The same for a unit that has answered a read; after as many, reads are tried again where nothing else proves anything.
+/// The same for a unit that has answered a read; after this many, reads are tried again where nothing else proves anything.
 pub(super) const IGNORED_RETRY: u8 = 21;
 
 /// Minimum time for further responses after a late one.
 pub(super) const LATE_PAUSE: Duration = Duration::from_millis(100);
 
-/// Late responses in a row after which a unit is slower than its time-out.
+/// Late responses in a row after which the unit counts as slower than its time-out.
 pub(super) const LATE_MAX: u8 = 3;
 
 /// Reads that the unit is known to answer, of different shapes, for use as proofs.
@@ -80,9 +80,9 @@ pub struct Unit {
     /// Unanswered probes and proofs since it went down or out of step.
     pub(super) tried: u8,
     pub(super) is_down: bool,
-    /// A valid frame of it has been received since the last request or proof.
+    /// It has sent a valid frame since the last request or proof.
     pub(super) responded: bool,
-    /// A late response has already cut short the wait for a probe, once since the last response in time.
+    /// A late response has already shortened the wait for a probe, once since the last response in time.
     pub(super) hurried: bool,
     /// Late responses since the last one in time.
     pub(super) late: u8,
@@ -92,7 +92,7 @@ pub struct Unit {
     pub(super) answers_diagnostics: bool,
     /// The next proof is a read, if there is one.
     pub(super) by_read: bool,
-    /// The late window of what is outstanding has been, or is being, waited for.
+    /// The late window of outstanding responses has been, or is being, waited for.
     pub(super) waited: bool,
     /// The last request was sent after waiting, without proof that the unit was in step.
     pub unproven: bool,
@@ -136,7 +136,7 @@ impl Unit {
 }
 
 impl Unit {
-    /// The errors that occurred, and how often.
+    /// The errors that occurred, with their counts.
     pub fn errors(&self) -> impl Iterator<Item = (Event, u16)> {
         let counts = LINE_ERRORS.iter().zip(&self.errors);
         counts.map(|(error, count)| (*error, *count)).filter(|(_, count)| *count > 0)
@@ -160,12 +160,12 @@ impl Unit {
         self.is_down
     }
 
-    /// Whether its responses arrive, but always late.
+    /// Whether it responds, but always late.
     pub fn is_slow(&self) -> bool {
         self.late >= LATE_MAX
     }
 
-    /// A request got no response.
+    /// Records that a request got no response.
     pub(super) fn unanswered(&mut self, now: Instant, down_after: u8) {
         self.silent = self.silent.saturating_add(1);
         if self.is_down && self.held_until > now {
@@ -182,7 +182,7 @@ impl Unit {
     pub(super) fn back_off(&mut self, now: Instant) {
         let doubled = self.tried.min(8);
         self.tried = self.tried.saturating_add(1);
-        // One lost response does not mean that the unit is gone: begin with a short pause.
+        // A single lost response does not mean that the unit is down: begin with a short pause.
         let first = if self.is_down { PROBE_FIRST } else { LATE_PAUSE };
         self.held_until = now + (first * (1 << doubled)).min(PROBE_LONGEST);
     }
@@ -197,8 +197,8 @@ impl Unit {
         }
     }
 
-    /// A late response: the unit is alive and can be probed, after a pause unless it is `in_step`, since more may be on its way.
-    /// A unit that is always late does not get this each time.
+    /// Records a late response: the unit is alive and can be probed, after a pause unless it is `in_step`, since more may be on its
+    /// way. Once the unit counts as slow, further late responses have no effect.
     pub(super) fn was_late(&mut self, purpose: Purpose, in_step: bool, now: Instant) {
         self.late = self.late.saturating_add(u8::from(purpose == Purpose::Request));
         if self.waited || self.hurried {
@@ -209,7 +209,7 @@ impl Unit {
         self.held_until = if in_step { now } else { now + pause };
     }
 
-    /// Stores `read` as answered, beside one of another shape.
+    /// Stores `read` as answered, keeping one of another shape.
     pub(super) fn remember(&mut self, read: Read) {
         let [first, second] = &mut self.reads;
         let is_like =

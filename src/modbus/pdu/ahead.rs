@@ -1,26 +1,26 @@
-//! The length of a PDU, judged by its beginning, for frames that are cut through.
+//! The length of a PDU, determined from its beginning, for frames that are cut through.
 
 use super::function::Form;
 use super::{EXCEPTION_BIT, ResponseLength, request_length, response_length};
 use crate::modbus::PDU_BYTES_MAX;
 
-/// Where a PDU ends, judged by its first bytes.
+/// The end of a PDU, determined from its first bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum End {
     /// At this length, including the function code; at most that of a PDU.
     At(usize),
-    /// More bytes are needed to tell.
+    /// More bytes are needed to determine it.
     Later,
-    /// Only silence tells, or the PDU cannot be valid.
+    /// Only silence ends it, or the PDU cannot be valid.
     Unknown,
 }
 
-/// Where the request beginning with `so_far` ends.
+/// The end of the request beginning with `so_far`.
 pub fn request_end(so_far: &[u8]) -> End {
     if let Some(length) = request_length(so_far) {
         return within(length);
     }
-    // The index of the byte count or sub-function.
+    // Bytes needed for the byte count or sub-function.
     let told_by = match Form::of(so_far) {
         Some(Form::WriteMany(_)) => 6,
         Some(Form::ReadFile | Form::WriteFile | Form::Tunnel) => 2,
@@ -31,7 +31,7 @@ pub fn request_end(so_far: &[u8]) -> End {
     if so_far.len() < told_by { End::Later } else { End::Unknown }
 }
 
-/// Where the response to `request` beginning with `so_far` ends; unknown also if it cannot be that response.
+/// The end of the response to `request` beginning with `so_far`; also unknown if it cannot be that response.
 pub fn response_end(request: &[u8], so_far: &[u8]) -> End {
     let counts_bytes = matches!(Form::of(so_far), Some(Form::Read(_) | Form::ReadWrite { .. }));
     match (response_length(request, so_far), so_far) {

@@ -25,7 +25,7 @@ impl Block {
         Self { function, first, last: first.checked_add(quantity.checked_sub(1)?)? }.if_readable()
     }
 
-    /// The request that reads it.
+    /// The request that reads this block.
     pub fn request(&self) -> [u8; 5] {
         let ([a, b], [c, d]) = (self.first.to_be_bytes(), self.quantity().to_be_bytes());
         [self.function.get(), a, b, c, d]
@@ -36,19 +36,19 @@ impl Block {
         Extent { write: false, first: self.first, last: self.last.into() }
     }
 
-    /// How many addresses lie between this block and `other`: 0 when they touch or overlap.
+    /// Number of addresses between this block and `other`; 0 if they touch or overlap.
     pub fn distance(&self, other: &Self) -> u16 {
         let (low, high) = if self.first <= other.first { (self, other) } else { (other, self) };
         high.first.saturating_sub(low.last).saturating_sub(1)
     }
 
-    /// The smallest block that covers both, if they are of one kind and a single request can read it.
+    /// The smallest block that covers both, if they have the same function and a single request can read it.
     pub fn hull(&self, other: &Self) -> Option<Self> {
         let (first, last) = (self.first.min(other.first), self.last.max(other.last));
         if self.function == other.function { Self { first, last, ..*self }.if_readable() } else { None }
     }
 
-    /// The response to `wanted`, extracted from `response` to this block. None when `wanted` is not a part of the block, or
+    /// The response to `wanted`, extracted from `response` to this block. `None` if `wanted` is not a part of the block, or
     /// `response` is an exception.
     pub fn part<'a>(
         &self,
@@ -82,7 +82,7 @@ impl Block {
         self.last - self.first + 1
     }
 
-    /// What it asks for; none for other functions than reads.
+    /// The cells that it reads; `None` for functions other than reads.
     fn cells(&self) -> Option<Cells> {
         match Form::of(&[self.function.get()])? {
             Form::Read(cells) => Some(cells),

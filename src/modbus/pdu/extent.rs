@@ -17,7 +17,7 @@ pub struct Extent {
     pub last: u32,
 }
 
-/// What a request does to a device's data.
+/// The effect of a request on a device's data.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Touched {
     /// Reads or writes these addresses: at most one extent of each.
@@ -28,7 +28,7 @@ pub enum Touched {
     Unknown,
 }
 
-/// What `request`, which may be incomplete, does to a device's data.
+/// The effect of `request`, which may be incomplete, on a device's data.
 pub fn touched(request: &[u8]) -> Touched {
     let word = |at: usize| Some(u16::from_be_bytes([*request.get(at)?, *request.get(at + 1)?]));
     let extent = |write, at, count: Option<u16>| {
@@ -51,7 +51,7 @@ pub fn touched(request: &[u8]) -> Touched {
     cells.map_or(Touched::Unknown, Touched::Cells)
 }
 
-/// How many bytes of a request with the code of `so_far` say which addresses it touches; none where that takes all of them.
+/// Number of bytes of a request like `so_far` that determine its addresses; `None` if all of them are needed.
 pub fn addresses_end(so_far: &[u8]) -> Option<usize> {
     match Form::of(so_far)? {
         // Address and quantity, or value.

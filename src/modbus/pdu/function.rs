@@ -1,5 +1,5 @@
 //! The public function codes (Application Protocol V1.1b3, clause 5.1), in a table with the form of their requests and responses.
-//! All rules about functions follow from it.
+//! All rules about functions derive from it.
 
 /// 01: read coils.
 pub const READ_COILS: u8 = 1;
@@ -54,7 +54,7 @@ pub struct Function {
     pub form: Form,
 }
 
-/// The form of a function's requests and responses, which determines what they do. Sizes include the function code.
+/// The form of a function's requests and responses, which determines their effect. Sizes include the function code.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Form {
     /// Address and quantity; the response has a byte count and that many bytes of data.
@@ -65,11 +65,11 @@ pub enum Form {
     WriteMany(Cells),
     /// Address and two masks; the response repeats all.
     MaskWrite,
-    /// A read and a write in one.
+    /// A combined read and write.
     ReadWrite {
-        /// What is read.
+        /// The cells to read.
         read: Cells,
-        /// What is written.
+        /// The cells to write.
         write: Cells,
     },
     /// An address; the response has the number of bytes and of registers in two bytes each.
@@ -90,7 +90,7 @@ pub enum Form {
     Tunnel,
 }
 
-/// The size of a cell, and how many a request can access.
+/// The size of a cell, and the most cells of a request.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Cells {
     /// 1 or 16.
@@ -149,7 +149,7 @@ pub const FUNCTIONS: [Function; 19] = {
 };
 
 /// The highest code in the table.
-#[allow(clippy::indexing_slicing)] // Computed by the compiler, which would say so.
+#[allow(clippy::indexing_slicing)] // Evaluated at build time, where an overrun is a compile error.
 const HIGHEST: u8 = {
     let (mut highest, mut at) = (0, 0);
     while at < FUNCTIONS.len() {
@@ -162,7 +162,7 @@ const HIGHEST: u8 = {
 };
 
 /// Index + 1 of each code in the table, which is looked up several times per frame; 0: not in the table.
-#[allow(clippy::indexing_slicing)] // Computed by the compiler, which would say so.
+#[allow(clippy::indexing_slicing)] // Evaluated at build time, where an overrun is a compile error.
 const INDEX: [u8; HIGHEST as usize + 1] = {
     let mut index = [0; HIGHEST as usize + 1];
     let mut at = 0;
@@ -174,7 +174,7 @@ const INDEX: [u8; HIGHEST as usize + 1] = {
 };
 
 impl Function {
-    /// The function with this code; none for an exception.
+    /// The function with this code; `None` for an exception.
     pub fn of(code: u8) -> Option<&'static Self> {
         let at = INDEX.get(usize::from(code))?.checked_sub(1)?;
         FUNCTIONS.get(usize::from(at))
@@ -220,8 +220,8 @@ pub fn is_read(request: &[u8]) -> bool {
     }
 }
 
-/// Whether `so_far` begins a diagnostics request with a public sub-function and one word of data: all but 0, whose data has any
-/// length.
+/// Whether `so_far` begins a diagnostics request with a public sub-function and one word of data: all but 0, whose data may have
+/// any length.
 pub(super) fn is_public(so_far: &[u8]) -> bool {
     matches!(so_far, [_, 0, 1..=4 | 10..=18 | 20, ..])
 }

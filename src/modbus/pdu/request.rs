@@ -1,10 +1,10 @@
-//! Validation of requests, before they take up a device's time.
+//! Validation of requests, before they occupy a device.
 
 use super::function::{Cells, Form, MEI_DEVICE_IDENTIFICATION, is_public};
 use super::{ResponseLength, file_response_length, response_length};
 use crate::modbus::{Exception, PDU_BYTES_MAX};
 
-/// Whether a server could accept this request; if not, the exception that it gets.
+/// Checks whether a server could accept this request; returns the exception if not.
 ///
 /// A public function must have a valid length, byte count and quantity. Addresses are up to the device, and an unknown function
 /// is accepted at any length.
@@ -26,7 +26,7 @@ pub fn check_request(pdu: &[u8]) -> Result<(), Exception> {
 /// Whether `request` is a read whose response would not fit a PDU.
 pub(crate) fn is_beyond_response(request: &[u8]) -> bool {
     let is_read = matches!(Form::of(request), Some(Form::Read(_)));
-    // A read's response length depends on the request only, so the request serves for both.
+    // A read's response length depends on the request only, so the second argument is irrelevant.
     let length = response_length(request, request);
     is_read && matches!(length, ResponseLength::Known(length) if length > PDU_BYTES_MAX)
 }
@@ -55,7 +55,7 @@ fn possible(form: Form, fields: &[u8]) -> bool {
         (Form::WriteOne(Cells { bits: 1, .. }), fields) => matches!(fields, [_, _, 0x00 | 0xFF, 0x00]),
         (Form::WriteOne(_), fields) => fields.len() == 4,
         (Form::Status(_) | Form::Report | Form::EventLog, fields) => fields.is_empty(),
-        // Data has two bytes or, for sub-function 0, "N x 2"; some devices accept any, so let them judge.
+        // Data has two bytes or, for sub-function 0, "N x 2"; some devices accept any length, so the device decides.
         (Form::Diagnostics, fields) => fields.len() >= 2,
         (Form::WriteMany(cells), fields) => writes(fields, cells),
         (Form::ReadFile, [count, groups @ ..]) => {
@@ -88,7 +88,7 @@ fn writes(fields: &[u8], cells: Cells) -> bool {
     reads(head, cells) && usize::from(*count) == bytes && data.len() == bytes
 }
 
-/// One or more groups of function 21, each as long as it says (clause 6.15).
+/// One or more groups of function 21, each with a consistent length (clause 6.15).
 fn file_groups(mut groups: &[u8]) -> bool {
     if groups.is_empty() {
         return false;

@@ -4,14 +4,14 @@ use super::function::{Form, MEI_DEVICE_IDENTIFICATION, is_public};
 use super::{EXCEPTION_BIT, file_response_length};
 use crate::modbus::PDU_BYTES_MAX;
 
-/// Where a response PDU ends, judged by its beginning.
+/// The end of a response PDU, determined from its beginning.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ResponseLength {
     /// At this length, including the function code. A wrong byte count can make it longer than a PDU.
     Known(usize),
-    /// More bytes are needed to tell.
+    /// More bytes are needed to determine it.
     More,
-    /// Only silence tells.
+    /// Only silence ends it.
     Silence,
 }
 

@@ -6,7 +6,7 @@
 use super::{FRAME_BYTES_MAX, OVERHEAD_BYTES, decode};
 use crate::modbus::pdu::{EXCEPTION_BIT, request_length};
 
-/// What is at the front of the bytes received.
+/// The item at the front of the bytes received.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Cut<'a> {
     /// Possibly the beginning of a request: wait for more bytes, or a pause.
@@ -29,7 +29,7 @@ pub enum Cut<'a> {
 
 /// Examines the front of `received`.
 ///
-/// The first position at which a request can begin has precedence until it has proved wrong: by its CRC, or because more than
+/// The first position at which a request can begin has precedence until it proves wrong: by its CRC, or because more than
 /// [`FRAME_BYTES_MAX`] bytes have arrived without a pause. So a longer buffer never yields [`Cut::Incomplete`].
 pub fn request(received: &[u8]) -> Cut<'_> {
     for (at, start) in starts(received) {
@@ -78,7 +78,7 @@ fn starts(received: &[u8]) -> impl Iterator<Item = (usize, &[u8])> {
     possible.filter_map(|(at, _)| Some((at, received.get(at..)?)))
 }
 
-/// The frame at `start` by the length of its function, or `Some(None)` while it is incomplete; none if it would be too long.
+/// The frame at `start` by the length of its function, or `Some(None)` while it is incomplete; `None` if it would be too long.
 fn whole(start: &[u8]) -> Option<Option<&[u8]>> {
     match request_length(start.get(1..).unwrap_or_default()) {
         None => Some(None),

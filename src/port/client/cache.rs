@@ -11,9 +11,9 @@ use crate::modbus::PDU_BYTES_MAX;
 use crate::modbus::pdu::Block;
 use crate::port::client::queue::BROADCAST;
 
-/// Responses that one port keeps. The feature `small` saves memory here.
+/// Responses cached per port. The feature `small` saves memory here.
 pub const RESPONSES_MAX: usize = if cfg!(feature = "small") { 8 } else { 16 };
-/// Total bytes of the kept PDUs: three of the longest, or sixteen of 22 registers; with `small` one, or eight of 15.
+/// Total bytes of the cached PDUs: three of the longest, or sixteen of 22 registers; with `small` one, or eight of 15.
 pub const RESPONSE_BYTES_MAX: usize = if cfg!(feature = "small") { PDU_BYTES_MAX } else { 3 * PDU_BYTES_MAX };
 
 /// What identifies a cached response: a read of coils, inputs or registers (functions 1 to 4) from a unit. Other responses are
@@ -22,12 +22,12 @@ pub const RESPONSE_BYTES_MAX: usize = if cfg!(feature = "small") { PDU_BYTES_MAX
 pub struct CacheKey {
     /// The unit.
     pub unit: u8,
-    /// What is read.
+    /// The block that is read.
     pub block: Block,
 }
 
 impl CacheKey {
-    /// The key of `request` to `unit`, if it is a kind that is cached.
+    /// The key of `request` to `unit`, if it can be cached.
     pub fn new(unit: u8, request: &[u8]) -> Option<Self> {
         Some(Self { unit, block: Block::of(request)? })
     }
@@ -73,7 +73,7 @@ impl Cache {
         }
         let CacheKey { unit, block } = key;
         let kept = Kept { unit, length: response.len() as u8, block, sent };
-        // There is room for both now.
+        // Room for both was made above.
         if self.bytes.extend_from_slice(response).is_ok() {
             let _ = self.kept.push(kept);
         }
@@ -95,12 +95,12 @@ impl Cache {
         self.remove(|kept| unit == BROADCAST || kept.unit == unit);
     }
 
-    /// Drops the responses of `these` units.
+    /// Drops the responses of the units selected by `these`.
     pub fn forget(&mut self, these: impl Fn(u8) -> bool) {
         self.remove(|kept| these(kept.unit));
     }
 
-    /// How many responses are cached.
+    /// Number of cached responses.
     pub fn len(&self) -> usize {
         self.kept.len()
     }

@@ -33,7 +33,7 @@ mod receive;
 const TURNAROUND: Duration = Duration::from_millis(100);
 /// Bytes that may arrive between a request and the end of its response: one frame, and half a frame of noise.
 const INPUT_BYTES_MAX: usize = ADU_BYTES_MAX + ADU_BYTES_MAX / 2;
-/// A connection that stayed open this long without a request counts as healthy even though the server closed it.
+/// A connection that stayed open this long without a request counts as successful even though the server closed it.
 const SETTLED: Duration = Duration::from_secs(1);
 
 /// An open connection.
@@ -59,7 +59,7 @@ pub(crate) struct TcpConnection<'l, 'g, S> {
     asked: bool,
     /// Whether a request has been answered.
     proven: bool,
-    /// The previous connection may have left reads unanswered, to be sent again on this one.
+    /// The previous connection may have left reads unanswered, which are repeated on this one.
     lost: bool,
     /// The socket is needed elsewhere.
     leaving: bool,
@@ -75,7 +75,7 @@ enum Step<'g> {
 
 /// Why a connection ends.
 pub(crate) enum End {
-    /// Not needed now.
+    /// It is not needed any more.
     Unused,
     /// The server closed it, or it broke.
     Lost,
@@ -117,14 +117,14 @@ impl<'l, 'g, S: TcpStream> TcpConnection<'l, 'g, S> {
     ///
     /// Requests in flight may have been executed, so they get 0Bh, except reads that may be repeated. Reads on a connection that
     /// has delivered other responses stay with the dispatcher, like requests not sent yet: many servers close after a response,
-    /// before they see what has been sent meanwhile. The next connection sends those reads first.
+    /// before they process what has been sent meanwhile. The next connection sends those reads first.
     pub(crate) fn ended(&mut self, end: End) -> bool {
         let cut = !self.pending_requests.is_empty();
         let closed = self.proven && self.length == 0;
         while let Some(pending) = self.pending_requests.pop() {
             if closed && pending.request.pdu(pdu::is_read) && !is_responding(&pending.request) {
                 self.dispatcher.port_state().stats.count(Event::Retry);
-                // Without transaction ids a proof must first show that no response to it is still on its way.
+                // Without transaction ids, a proof must first show that no late response is still on its way.
                 if self.settings.framing == StreamFraming::Rtu {
                     self.dispatcher.requeue(&pending.request);
                 }
@@ -156,7 +156,7 @@ impl<'l, 'g, S: TcpStream> TcpConnection<'l, 'g, S> {
                 return Err(End::Lost);
             }
             let due = loop {
-                // Notices that the server has closed before the next request is written to a dead connection.
+                // Detects that the server has closed before the next request is written to a dead connection.
                 let space = self.input.get_mut(self.length..).filter(|space| !space.is_empty());
                 let read = space.map_or(Poll::Pending, |space| poll_once(self.stream.read(space)));
                 if let Poll::Ready(read) = read {
@@ -170,7 +170,7 @@ impl<'l, 'g, S: TcpStream> TcpConnection<'l, 'g, S> {
                 }
             };
             if socket.busy(!self.pending_requests.is_empty() || self.begins()) {
-                // This connection may be the one to close for another server.
+                // This connection may have to close in favour of another server.
                 self.dispatcher.make_room();
             }
             let deadline = self.pending_requests.first_deadline().unwrap_or(Instant::MAX);
@@ -187,7 +187,7 @@ impl<'l, 'g, S: TcpStream> TcpConnection<'l, 'g, S> {
         }
     }
 
-    /// `count` bytes have been read; 0 means end of stream.
+    /// Handles `count` bytes that have been read; 0 means end of stream.
     fn take(&mut self, count: usize) -> Result<(), End> {
         if count == 0 { Err(End::Lost) } else { self.received(count) }
     }
@@ -198,7 +198,7 @@ impl<'l, 'g, S: TcpStream> TcpConnection<'l, 'g, S> {
         !self.asked && self.dispatcher.is_wanted(self.server)
     }
 
-    /// What to do at `now`.
+    /// The next step at `now`.
     fn step(&mut self, now: Instant) -> Result<Step<'g>, End> {
         if self.leaving && !self.begins() {
             return if self.pending_requests.is_empty() {
@@ -265,14 +265,14 @@ impl<'l, 'g, S: TcpStream> TcpConnection<'l, 'g, S> {
         Ok(())
     }
 
-    /// How long nothing is sent after opening. With RTU over TCP, bytes in that time cannot be matched to any request.
+    /// How long nothing is sent after opening. With RTU over TCP, bytes received in that time cannot be matched to any request.
     fn settling(&self) -> Duration {
         let discards = self.settings.framing == StreamFraming::Rtu;
         let window = if discards { self.settings.late_window() } else { Duration::from_ticks(0) };
         window.max(self.settings.connect_delay)
     }
 
-    /// Shows a frame to the capture.
+    /// Passes a frame to the capture.
     fn tap(&self, sent: bool, verdict: Event, bytes: &[u8]) {
         let kind = self.settings.framing.into();
         let tap = Tap { capture: self.dispatcher.gateway().capture(), port: self.dispatcher.id(), kind };

@@ -61,7 +61,7 @@ pub(crate) struct Dispatcher<'g> {
     connections: u8,
     /// Overrides the unit given by the rule.
     unit: Option<u8>,
-    /// A console holds the port exclusively: all other requests are refused.
+    /// The console uses the port exclusively: all other requests are refused.
     alone: bool,
     /// The requests in flight.
     current: RefCell<Vec<Frame<'g>, CURRENT_MAX>>,
@@ -78,7 +78,7 @@ pub(crate) struct Dispatcher<'g> {
     proofs: [Cell<Option<Proving>>; CONNECTIONS_MAX],
 }
 
-/// What a client-side port has besides its line.
+/// The parameters of a client-side port besides its line.
 pub(crate) struct Upstream {
     pub(crate) servers: Servers,
     /// Simultaneous connections.
@@ -135,7 +135,7 @@ impl<'g> Dispatcher<'g> {
         self.id
     }
 
-    /// Whether the console has the port for itself.
+    /// Whether the console uses the port exclusively.
     pub(crate) fn is_alone(&self) -> bool {
         self.alone
     }
@@ -145,7 +145,7 @@ impl<'g> Dispatcher<'g> {
         &self.port_state
     }
 
-    // The only places that borrow these cells, so that none is borrowed twice.
+    // Only these functions borrow the cells, so that none is borrowed twice.
 
     fn queue(&self) -> RefMut<'_, PortQueue<Frame<'g>>> {
         self.queue.borrow_mut()
@@ -163,7 +163,7 @@ impl<'g> Dispatcher<'g> {
         self.servers.borrow_mut()
     }
 
-    /// Receives requests for ever, and drops those that expired or whose requester is gone.
+    /// Receives requests forever, and drops those that expired or whose requester is gone.
     pub(crate) async fn receive_requests(&self) {
         loop {
             let deadline = self.queue().first_deadline().unwrap_or(Instant::MAX);
@@ -199,7 +199,7 @@ impl<'g> Dispatcher<'g> {
         self.notify(envelope.target);
     }
 
-    /// Queues a request; one that must make way for it, or cannot be queued, is refused.
+    /// Queues a request; one that is evicted for it, or cannot be queued, is refused.
     fn enqueue(
         &self,
         frame: Frame<'g>,
@@ -218,7 +218,7 @@ impl<'g> Dispatcher<'g> {
         self.port_state.set_waiting(self.queue().len());
     }
 
-    /// The PDU to send for `request`: its own, or the proof that goes first.
+    /// The PDU to send for `request`: its own, or the proof sent ahead of it.
     pub(crate) fn request(&self, request: &Frame<'g>) -> Pdu {
         let mut pdu = Pdu::new();
         // Fits: no longer than a PDU may be.
@@ -234,7 +234,7 @@ impl<'g> Dispatcher<'g> {
         }
     }
 
-    /// Notes that the PDU for `request` is being sent to `unit`.
+    /// Records that the PDU for `request` is being sent to `unit`.
     pub(crate) fn sent(&self, request: &Frame<'g>, unit: u8) {
         let purpose = self.proof(request).map_or(Purpose::Request, |proof| proof.purpose);
         let event = if purpose == Purpose::Request { Event::Request } else { Event::Proof };
@@ -269,7 +269,7 @@ impl<'g> Dispatcher<'g> {
         };
         let mut block_for_all = None;
         let mut queue = self.queue();
-        // Taken from the back and linked at the front, so that they stay in order of arrival.
+        // Taken from the back and linked at the front, which keeps the order of arrival.
         while let Some(merged) = queue.companion(entry, joins) {
             let theirs = block(&merged);
             if theirs != asked {

@@ -63,7 +63,7 @@ pub struct PendingRequests<T> {
 }
 
 impl<T> PendingRequests<T> {
-    /// No requests. Ids start at `first`; `timeout` is the response time-out.
+    /// An empty list. Ids start at `first`; `timeout` is the response time-out.
     pub const fn new(first: u16, timeout: Duration) -> Self {
         Self { all: Vec::new(), next: first, timeout }
     }
@@ -77,7 +77,7 @@ impl<T> PendingRequests<T> {
         self.open().count()
     }
 
-    /// Whether there are none.
+    /// Whether no request is pending.
     pub fn is_empty(&self) -> bool {
         self.first().is_none()
     }
@@ -110,7 +110,7 @@ impl<T> PendingRequests<T> {
         }
         let id = self.next;
         self.next = id.wrapping_add(1);
-        // There is room.
+        // `room` was checked above.
         match self.all.push(Entry::Open(PendingRequest { id, request, unit, sent: now })) {
             Err(Entry::Open(pending)) => Err(pending.request),
             _ => Ok(id),

@@ -1,4 +1,4 @@
-//! The request queue of a client-side port: decides who is served next. Pure, with time as a value.
+//! The request queue of a client-side port: selects the next request. Pure, with time as a value.
 //!
 //! A request is pushed with its [`Entry`]. [`PortQueue::next`] returns the one whose turn it is:
 //!
@@ -47,12 +47,12 @@ pub struct Requester {
 impl Requester {
     const NOBODY: Self = Self { connection: (u8::MAX, u16::MAX), address: 0 };
 
-    /// The requester on `connection` (a port, and one of its connections) at `address`; serial clients have none.
+    /// The requester on `connection` (a port, and one of its connections) at `address`; serial clients have no address.
     pub fn new(connection: (u8, u16), address: Option<IpAddr>) -> Self {
         let address = match address {
             None => 0,
             Some(IpAddr::V4(address)) => address.to_bits(),
-            // Two hosts with the same hash share their turns; nothing worse.
+            // Two hosts with the same hash merely share their turns.
             Some(IpAddr::V6(address)) => {
                 let bits = address.to_bits();
                 let half = (bits >> 64) as u64 ^ bits as u64;
@@ -68,14 +68,14 @@ impl Requester {
     }
 }
 
-/// What the queue needs to know of a request.
+/// The properties of a request that determine its turn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Entry {
     /// Who sent it.
     pub requester: Requester,
     /// Its priority.
     pub priority: Priority,
-    /// The unit, by this port's numbering.
+    /// The unit id at this port.
     pub unit: u8,
     /// The request must not be sent after this.
     pub deadline: Instant,
@@ -83,7 +83,7 @@ pub struct Entry {
     pub access: Access,
 }
 
-/// What a request does to its unit.
+/// Access of a request to its unit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Access {
     /// Writes, or may write: later reads must see the effect.
@@ -97,7 +97,7 @@ pub enum Access {
 /// The unit id of a broadcast.
 pub(crate) const BROADCAST: u8 = 0;
 
-/// What the port does next.
+/// The next step of the port.
 #[derive(Debug, PartialEq, Eq)]
 pub enum Next<T> {
     /// Send this request.
@@ -160,12 +160,12 @@ impl<T> PortQueue<T> {
         Self { waiting: Vec::new(), requesters: Vec::new(), turns: 0, passed: [0; 3] }
     }
 
-    /// How many requests wait.
+    /// Number of waiting requests.
     pub fn len(&self) -> usize {
         self.waiting.len()
     }
 
-    /// Whether none waits.
+    /// Whether no request waits.
     pub fn is_empty(&self) -> bool {
         self.waiting.is_empty()
     }
@@ -181,7 +181,7 @@ impl<T> PortQueue<T> {
             None
         };
         let waiting = self.waiting(request, entry);
-        // There is room now.
+        // Room was made above.
         let _ = self.waiting.push(waiting);
         evicted
     }
@@ -191,7 +191,7 @@ impl<T> PortQueue<T> {
         Waiting { request, requester: self.slot_of(requester), unit, priority, access, deadline }
     }
 
-    /// Removes and returns the request whose turn it is at `now`; `ready` tells when a unit may be asked.
+    /// Removes and returns the request whose turn it is at `now`; `ready` returns when a unit may be asked.
     pub fn next(&mut self, now: Instant, ready: impl Fn(u8) -> Ready) -> Next<T> {
         let Turn { class, present, index } = match self.turn(now, ready) {
             Ok(turn) => turn,
@@ -221,7 +221,7 @@ impl<T> PortQueue<T> {
                 Ready::At(at) if at > now => earliest = Some(earliest.map_or(at, |other| other.min(at))),
                 Ready::At(_) | Ready::Now => {
                     let rank = self.rank(waiting);
-                    // Of equals, the first to arrive.
+                    // Among equals, the first to arrive.
                     if let Some(first) = first.get_mut(waiting.priority as usize)
                         && first.is_none_or(|(other, _)| rank < other)
                     {
@@ -287,24 +287,24 @@ impl<T> PortQueue<T> {
         self.note_turn(slot);
     }
 
-    /// Puts a request that was not sent after all back in front, so that nothing younger, such as a write, overtakes it. Returns
-    /// it if there is no room.
+    /// Puts an unsent request back at the front, so that nothing younger, such as a write, overtakes it. Returns it if there is no
+    /// room.
     pub fn push_front(&mut self, request: T, entry: Entry) -> Option<T> {
         if self.waiting.is_full() {
             return Some(request);
         }
         let waiting = self.waiting(request, entry);
-        // There is room.
+        // Checked above.
         let _ = self.waiting.insert(0, waiting);
         None
     }
 
-    /// Whether a write to `unit` waits.
+    /// Whether a write to `unit` is waiting.
     pub fn writes_to(&self, unit: u8) -> bool {
         self.waiting.iter().any(|waiting| waiting.writes_to(unit))
     }
 
-    /// Removes one request for which `unwanted` gives a reason, and returns both.
+    /// Removes one request for which `unwanted` returns a reason, and returns both.
     pub fn take_if<R>(&mut self, unwanted: impl Fn(&T, &Entry) -> Option<R>) -> Option<(T, R)> {
         let found = self.waiting.iter().enumerate();
         let (index, reason) = found

@@ -22,10 +22,10 @@ use crate::port::timer::{outlined, until};
 use crate::settings::{Framing, Lane, SerialClientSettings, SerialSettings};
 use crate::stats::Event;
 
-/// A line is the only connection of its port.
+/// A line counts as the port's only connection.
 const CONNECTION: u8 = 0;
 
-/// Keeps the line open and serves the dispatcher's requests, for ever.
+/// Keeps the line open and serves the dispatcher's requests, forever.
 pub(crate) async fn run<H: SerialHost>(dispatcher: &Dispatcher<'_>, settings: &SerialSettings, host: &mut H) {
     let mut opening = Opening::new(dispatcher.port_state().state(), settings, dispatcher.is_alone());
     loop {
@@ -40,7 +40,7 @@ pub(crate) async fn run<H: SerialHost>(dispatcher: &Dispatcher<'_>, settings: &S
             }
             opening.lost();
         }
-        // Closed before it is opened again.
+        // Must be closed before it is reopened.
         drop(transaction);
         dispatcher.close();
         opening.pause().await;
@@ -115,7 +115,7 @@ async fn transact<'g, L: SerialLine>(
     dispatcher.sent(&frame, unit);
     let sent = if arriving { Ok(()) } else { transaction.send(unit, dispatcher, &frame).await? };
     if unit == BROADCAST {
-        // Broadcasts have no response, so they cannot be retried. A collision has been counted.
+        // Broadcasts have no response, so they are not retried. A collision has been counted.
         transaction.turnaround().await;
         dispatcher.done_without_response(&frame);
         return Ok(());

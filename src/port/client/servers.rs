@@ -14,9 +14,9 @@ use crate::settings::{PORT_SERVERS_MAX, SOCKETS_MAX, Tag, UnitRange};
 pub const RETRY_FIRST: Duration = Duration::from_millis(500);
 /// See [`RETRY_FIRST`].
 pub const RETRY_LONGEST: Duration = Duration::from_secs(10);
-/// Failures after which the pause does not grow any more.
+/// Number of failures after which the pause stops growing.
 const FAILURES_MAX: u8 = 5;
-/// Connections of a port at a time.
+/// Most simultaneous connections of a port.
 pub const CONNECTIONS_MAX: usize = SOCKETS_MAX;
 
 const _: () = assert!(PORT_SERVERS_MAX <= u64::BITS as usize, "the size of Set");
@@ -42,7 +42,7 @@ struct Server {
     path: Path,
     /// The connection that is connected to it, or connecting.
     connection: Option<u8>,
-    /// Failed attempts in a row, as far as they make the pause longer.
+    /// Failed attempts in a row, up to the limit of the pause.
     failures: u8,
     /// The end of the last pause in milliseconds of the clock, truncated: a port may have many servers.
     retry_ms: u32,
@@ -66,7 +66,7 @@ fn milliseconds(now: Instant) -> u32 {
     now.as_millis() as u32
 }
 
-/// What a free connection does.
+/// The next step of a free connection.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Choice {
     /// Connect to this server.
@@ -79,7 +79,7 @@ pub enum Choice {
 pub struct Servers(Vec<Server, PORT_SERVERS_MAX, u8>);
 
 impl Servers {
-    /// Servers for these units, each under the ids that its tag gives.
+    /// Servers for these units, whose ids are translated by each server's tag.
     pub fn new(servers: impl IntoIterator<Item = (UnitRange, Tag)>) -> Self {
         let server = |(units, tag)| Server {
             units,
@@ -104,12 +104,12 @@ impl Servers {
         line
     }
 
-    /// How many there are.
+    /// Number of servers.
     pub fn len(&self) -> usize {
         self.0.len()
     }
 
-    /// Whether there are none.
+    /// Whether there are no servers.
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
@@ -137,7 +137,7 @@ impl Servers {
         units.contains(unit).then_some(unit)
     }
 
-    /// Whether a request for `unit` is accepted; `sparing`: its requester has a back-off of its own.
+    /// Whether a request for `unit` is accepted; `sparing`: its requester has its own back-off.
     pub fn takes(&self, unit: u8, sparing: bool) -> bool {
         self.of(unit).and_then(|server| self.get(server)).is_some_and(|server| match server.path {
             Path::Open => true,
@@ -157,7 +157,7 @@ impl Servers {
         self.get(server)?.connection.is_none().then_some(server)
     }
 
-    /// How many servers have a connection.
+    /// Number of servers with a connection.
     pub fn connected_count(&self) -> usize {
         self.0.iter().filter(|server| server.connection.is_some()).count()
     }
@@ -176,7 +176,7 @@ impl Servers {
         retries
     }
 
-    /// What the free `connection` does at `now`. `wanted`: the server of the next request whose server has no connection;
+    /// The next step of the free `connection` at `now`. `wanted`: the server of the next request whose server has no connection;
     /// `keeps`: connections are opened before there is a request.
     pub fn choose(&mut self, connection: u8, wanted: Option<usize>, keeps: bool, now: Instant) -> Choice {
         let free = || self.0.iter().enumerate().filter(|(_, server)| server.connection.is_none());
@@ -194,19 +194,19 @@ impl Servers {
         Choice::Connect(number)
     }
 
-    /// `server` is connected.
+    /// Records that `server` is connected.
     pub fn opened(&mut self, server: usize) {
         self.update(server, |server| server.path = Path::Open);
     }
 
-    /// Requests to `server` were answered.
+    /// Records that `server` responded.
     pub fn well(&mut self, server: usize) {
         self.update(server, |server| {
             (server.path, server.failures) = (Path::Open, 0);
         });
     }
 
-    /// `server` is unreachable or does not respond: the next attempt is after a pause that grows each time.
+    /// Records that `server` is unreachable or does not respond: the next attempt follows a pause that grows each time.
     pub fn failed(&mut self, server: usize, now: Instant) {
         self.update(server, |server| {
             let pause = (RETRY_FIRST * (1 << server.failures)).min(RETRY_LONGEST);
@@ -215,7 +215,8 @@ impl Servers {
         });
     }
 
-    /// The attempt to reach `server` was given up because its socket was needed elsewhere, which says nothing about the server.
+    /// Records that the attempt to reach `server` was cancelled because its socket was needed elsewhere, which says nothing about
+    /// the server.
     pub fn put_off(&mut self, server: usize, now: Instant) {
         self.update(server, |server| {
             if server.path != Path::Open {
@@ -224,17 +225,17 @@ impl Servers {
         });
     }
 
-    /// `server` has no connection any more.
+    /// Records that `server` has no connection any more.
     pub fn release(&mut self, server: usize) {
         self.update(server, |server| server.connection = None);
     }
 
-    /// No server accepts requests any more.
+    /// Refuses requests for all servers.
     pub fn close(&mut self) {
         self.0.iter_mut().for_each(|server| server.path = Path::Tried);
     }
 
-    /// All servers accept requests.
+    /// Accepts requests for all servers.
     pub fn open(&mut self) {
         self.0.iter_mut().for_each(|server| server.path = Path::Open);
     }

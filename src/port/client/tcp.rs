@@ -3,11 +3,10 @@
 //! A connection is opened for the first request to its server and closed after the idle time without requests; with `idle 0` it
 //! is opened at once and kept. While it is open, [`TcpConnection`] serves the requests. A port with several servers has at most
 //! `sockets` connections at a time; [`servers`](crate::port::client::servers) decides to which.
-//!
 //! Requests for an unreachable server get 0Ah at once: there is no path, so nothing was sent and nothing happened at the device.
-//! 0Bh means the opposite: it was sent, or may have been, and no valid response arrived. The gateway keeps trying to connect in
+//! 0Bh means the opposite: the request was sent, or may have been, and no valid response arrived. The gateway retries to connect in
 //! the background at growing intervals, so only the first request waits for the network's time-out, and requests whose sender has
-//! a back-off of its own, each of which triggers such an attempt.
+//! its own back-off, each of which triggers an attempt.
 
 use core::pin::pin;
 
@@ -25,7 +24,7 @@ use crate::port::timer::outlined;
 use crate::settings::TcpClientSettings;
 use crate::stats::Event;
 
-/// Pause before a socket is requested again: others besides client ports use sockets too.
+/// Pause before a socket is requested again: not only client ports use sockets.
 const SOCKET_PAUSE: Duration = Duration::from_millis(50);
 /// Distance between the first transaction ids of successive connections, so that a server that mixes them up is noticed.
 const ID_STRIDE: u16 = 4_099;
@@ -34,7 +33,7 @@ const CLOSED_AT_ONCE: OpenError =
     OpenError::new(OpenErrorKind::Refused, "the server closes the connection without a response");
 const NO_SERVER: OpenError = OpenError::new(OpenErrorKind::NotFound, "");
 
-/// Serves the dispatcher's requests, for ever.
+/// Serves the dispatcher's requests forever.
 pub(crate) async fn run<C: TcpConnect>(
     dispatcher: &Dispatcher<'_>,
     settings: &TcpClientSettings,

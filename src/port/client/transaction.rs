@@ -1,11 +1,11 @@
-//! Transactions on a serial line, from the client's side: wait for silence, send a request, receive the response.
+//! Transactions on a serial line, client side: wait for silence, send a request, receive the response.
 //!
 //! An RTU response ends by length and CRC where the request determines the length, otherwise by the silence that ends every frame
 //! (Modbus over Serial Line 2.5.1.1); an ASCII response is delimited. Frames that do not match the request leave the response
 //! timer running. The time the request takes on the wire does not count as response time.
 //!
-//! Where the board wants it, reading pauses as soon as the first characters give a minimum length, and resumes when the last of
-//! those is due: a program that sleeps then wakes once for all of them.
+//! Where the board prefers it, reading pauses as soon as the first characters give a minimum length, and resumes when the last of
+//! those is due: the sleeping program then wakes only once for all of them.
 
 use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Instant, Timer};
@@ -35,7 +35,7 @@ use found::Found;
 /// An open line and the state of the current transaction.
 pub(crate) struct SerialTransaction<'s, L> {
     line: Line<'s, L>,
-    /// The port, with the units of the line.
+    /// The port, including the line's units.
     port_state: PortAt<'s>,
     tap: Tap<'s>,
     settings: &'s SerialSettings,
@@ -135,7 +135,7 @@ impl<'s, L: SerialLine> SerialTransaction<'s, L> {
     ) -> Result<Result<Duration, Failure>, LineLost> {
         let sent = self.line.active;
         let deadline = sent + self.settings.client.timeout;
-        // A frame that began in time is received to its end, but a babbling line is not read for ever.
+        // A frame that began in time is received to its end, but a babbling line is not read forever.
         let longest = self.line.settings.chars(self.settings.framing.chars_max());
         let end = deadline + longest + self.silence;
         // The echo of the request may have been read together with the start of the response.
@@ -154,7 +154,7 @@ impl<'s, L: SerialLine> SerialTransaction<'s, L> {
                 }
             }
             let has_begun = self.has_begun();
-            // A begin before the end of the request is impossible on a wire, but not on a PTY, which delivers at once.
+            // A start before the end of the request is impossible on a wire, but not on a PTY, which delivers at once.
             if L::RESTS
                 && has_begun
                 && self.line.begun() >= sent
@@ -212,7 +212,7 @@ impl<'s, L: SerialLine> SerialTransaction<'s, L> {
         }
     }
 
-    /// Shows the capture a request that was forwarded while it arrived.
+    /// Passes a request that was forwarded while it arrived to the capture.
     pub(crate) fn note_forwarded(&self, unit: u8, request: &[u8], crc: Option<u16>) {
         let end = (crc, LINE_FEED);
         self.tap.forwarded(self.line.active, Event::Request, self.settings.framing, (unit, request), end);

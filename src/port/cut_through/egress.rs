@@ -1,8 +1,8 @@
 //! Sends a frame while it is still arriving at another line.
 //!
-//! Characters leave as they arrive. Nothing that would make the frame valid leaves before it has proved valid: an RTU frame keeps
-//! its received CRC, corrected for the translated unit, and an ASCII frame gets its LRC once the CRC has been checked. A corrupt
-//! frame is sent to its end with an equally wrong check; a frame that breaks off or does not fit is cut short.
+//! Characters leave as they arrive. Nothing that would make the frame valid leaves before it is known to be valid: an RTU frame
+//! keeps its received CRC, corrected for the translated unit, and an ASCII frame gets its LRC once the CRC has been checked. A
+//! corrupt frame is sent to its end with an equally wrong check; a frame that breaks off or does not fit is truncated.
 //!
 //! Where the board supports it, hardware or an interrupt relays the rest of an RTU frame up to the last character, as soon as its
 //! length is known.
@@ -32,7 +32,7 @@ pub(crate) enum Forwarded {
     Short,
 }
 
-/// How the frame is sent.
+/// Parameters of the forwarded frame.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Form {
     /// The framing in which it is sent.
@@ -92,7 +92,7 @@ pub(crate) async fn forward<L: SerialLine>(
     Ok(if sent.is_frame(frame) { Forwarded::Short } else { Forwarded::Broken })
 }
 
-/// Asks the board to relay what arrives at `port`; returns whether it does.
+/// Makes the board relay what arrives at `port`; returns whether it does.
 fn begin<L: SerialLine>(gateway: &Gateway<'_>, line: &mut Line<'_, L>, port: PortId, relay: Relay) -> bool {
     gateway.settings(|settings| {
         let kind = settings.port(port).map(|port| &port.kind);
@@ -107,7 +107,7 @@ const CHARS_MAX: usize = 1 + 2 * BYTES_MAX + 4;
 
 type Characters = Vec<u8, CHARS_MAX>;
 
-/// What has been sent.
+/// State of the frame sent so far.
 struct Sent {
     form: Form,
     /// Bytes of unit and PDU sent.
@@ -133,7 +133,7 @@ impl Sent {
         let left = (length + rtu::OVERHEAD_BYTES).checked_sub(self.bytes + self.end)?;
         let mut delta = self.delta.clone();
         delta.pass((1 + length).checked_sub(self.bytes)?);
-        // Not worth it for a part of the CRC alone.
+        // Not worthwhile for a part of the CRC alone.
         (left > 2).then(|| Relay::new(left as u32, delta.translate([0; 2])[0]))
     }
 
@@ -143,7 +143,7 @@ impl Sent {
         let count = there.saturating_sub(self.bytes).min(self.ahead);
         self.bytes += count;
         self.delta.pass(count);
-        // The first half of the CRC at most: a relay never sends the second.
+        // At most the first half of the CRC: a relay never sends the second.
         let end = frame.crc().1.min(self.ahead - count);
         self.end += end;
         self.ahead -= count + end;
@@ -206,7 +206,7 @@ impl Sent {
         }
         let computed = || self.crc(frame).finalize().to_le_bytes();
         let crc = match fill {
-            // Validated by an LRC, so the CRC is ours to compute.
+            // Validated by an LRC, so the CRC is computed here.
             Fill::Complete if there < received.len() => computed(),
             _ => self.delta.translate(received),
         };
@@ -238,8 +238,8 @@ impl Sent {
         self.end = self.end.max(end.len());
     }
 
-    /// Whether the receiver may take what has been sent of `frame` for a frame: the CRC over an RTU frame with its CRC is 0.
-    /// Unknown when the board has relayed characters that the frame was not given.
+    /// Whether the receiver may accept what has been sent of `frame` as a frame: the CRC over an RTU frame with its CRC is 0.
+    /// Unknown, and thus assumed, if the board has relayed characters that the frame does not contain.
     fn is_frame(&self, frame: &Frame<'_>) -> bool {
         if self.ahead > 0 {
             return true;
@@ -250,7 +250,7 @@ impl Sent {
     }
 }
 
-/// There is room for the most that is put at a time.
+/// Callers never exceed the capacity.
 fn put(characters: &mut Characters, new: &[u8]) {
     let _ = characters.extend_from_slice(new);
 }

@@ -1,8 +1,8 @@
 //! The receiving end of cut-through.
 //!
-//! The frame is sent to the router as soon as forwarding may begin, and filled as characters arrive. Inside the gateway it
-//! carries a CRC: the received one of an RTU frame, and for ASCII a CRC that is right or wrong as the LRC was. A frame that ends
-//! badly or does not fit is marked broken, and so is the forwarded one.
+//! The frame is sent to the router as soon as forwarding may begin, and filled as characters arrive. Inside the gateway it carries
+//! a CRC: the received one of an RTU frame, and for ASCII a CRC that is right or wrong as the LRC was. A frame that ends badly or
+//! does not fit is marked broken, and so is the forwarded one.
 
 use embassy_time::Instant;
 
@@ -15,13 +15,13 @@ use crate::settings::{Framing, Lane};
 
 /// State of a frame that may be cut through.
 pub(crate) enum Passing<'g> {
-    /// Too little has arrived.
+    /// Not enough has arrived.
     Open,
-    /// To be sent to the router at this time, judging by what has arrived.
+    /// To be sent to the router at this time, according to what has arrived.
     At(Instant),
     /// It has been sent to the router and is being filled.
     Begun(Ingress<'g>),
-    /// It is sent to the router when it is complete, if at all.
+    /// It is sent to the router when complete, if at all.
     Whole,
 }
 
@@ -63,8 +63,8 @@ impl<'g> Ingress<'g> {
         self.writer.frame()
     }
 
-    /// Appends the new part of `received` (unit, PDU, check). False when the frame's length cannot be determined: it must be
-    /// given up.
+    /// Appends the new part of `received` (unit, PDU, check). Returns false if the frame's length cannot be determined: forwarding
+    /// must be given up.
     pub(crate) fn take(&mut self, received: &[u8], end: End) -> bool {
         let so_far = received.get(1..).unwrap_or(&[]);
         let length = match end {
@@ -93,20 +93,20 @@ impl<'g> Ingress<'g> {
         true
     }
 
-    /// The frame is complete and valid, with `pdu`; returns whether it is still wanted.
+    /// Completes the valid frame with `pdu`; returns whether it is still wanted.
     pub(crate) fn finish(mut self, pdu: &[u8]) -> bool {
         self.push(pdu);
         self.writer.finish()
     }
 
-    /// The PDU of an RTU frame will have `length` bytes. ASCII frames are delimited and never get here.
+    /// Announces the PDU length of an RTU frame. ASCII frames are delimited and never get here.
     fn expect(&mut self, length: usize) {
         if self.framing == Framing::Rtu {
             self.writer.expect(length);
         }
     }
 
-    /// Appends the new part of `pdu`; there is room, as it is no longer than a PDU may be.
+    /// Appends the new part of `pdu`, which never exceeds the frame.
     fn push(&mut self, pdu: &[u8]) {
         let passed = self.frame().pdu(<[u8]>::len);
         if let Some(new) = pdu.get(passed..).filter(|new| !new.is_empty()) {

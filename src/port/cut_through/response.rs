@@ -1,4 +1,4 @@
-//! Where the response to a request goes: into the request's frame, either when it is complete or while it arrives.
+//! Receives the response to a request into the request's frame, either when it is complete or while it arrives.
 
 use embassy_time::Instant;
 
@@ -29,7 +29,7 @@ impl<'r, 'g> IncomingResponse<'r, 'g> {
         request: &'r [u8],
     ) -> Self {
         let Envelope { cut, origin, .. } = frame.envelope();
-        // Once forwarding has begun the response cannot be stored any more, so its length must be certain to be known.
+        // A response cannot be stored any more once its forwarding has begun, so its length must be known in time.
         let has_end = || pdu::response_end(request, request.get(..1).unwrap_or(&[])) != End::Unknown;
         let lane = || dispatcher.gateway().settings(|settings| Lane::at(settings, origin.port));
         let in_step = || dispatcher.port_state().units(|units| units.is_in_step(unit, true));
@@ -58,12 +58,12 @@ impl<'r, 'g> IncomingResponse<'r, 'g> {
         self.passing.due()
     }
 
-    /// An ASCII frame begins, whatever state the previous one was in; `may_pass`: it may be cut through.
+    /// Handles the start of an ASCII frame, whatever state the previous one was in; `may_pass`: it may be cut through.
     pub(crate) fn begin(&mut self, may_pass: bool) {
         self.passing = if may_pass { Passing::Open } else { Passing::Whole };
     }
 
-    /// Examines the bytes `received` of a frame that began at `begun` on `line`, and forwards them when it is time.
+    /// Examines the bytes `received` of a frame that began at `begun` on `line`, and forwards them when due.
     pub(crate) fn feed(&mut self, received: &[u8], begun: Instant, line: &Lane) {
         let (Some(requester), Some((&unit, so_far))) = (self.requester, received.split_first()) else {
             return;
@@ -90,7 +90,7 @@ impl<'r, 'g> IncomingResponse<'r, 'g> {
         }
     }
 
-    /// The response is `pdu`; while it is being forwarded, `received` holds it right after the unit.
+    /// Handles the complete response `pdu`; while it is being forwarded, `received` holds it right after the unit.
     pub(crate) fn whole(&mut self, received: &[u8], pdu: &[u8]) {
         match core::mem::replace(&mut self.passing, Passing::Whole) {
             // Its frame may have been given up meanwhile.
@@ -108,7 +108,7 @@ impl<'r, 'g> IncomingResponse<'r, 'g> {
         }
     }
 
-    /// `received` is not the response, as far as can be told; `silent`: nothing more of it follows.
+    /// Handles that `received` is not the response so far; `silent`: nothing more of it follows.
     pub(crate) fn not_yet(&mut self, received: &[u8], silent: bool) {
         let end = received.split_first().map(|(_, so_far)| (so_far, pdu::response_end(self.request, so_far)));
         match core::mem::replace(&mut self.passing, Passing::Whole) {

@@ -1,4 +1,4 @@
-//! The differences between the two serial framings: frame encoding, and the silences between frames.
+//! The differences between the two serial framings: frame encoding, and silences.
 
 use embassy_time::Duration;
 
@@ -30,7 +30,7 @@ impl Framing {
     pub(crate) const fn chars_of(self, pdu_bytes: usize) -> usize {
         match self {
             Self::Rtu => pdu_bytes + rtu::OVERHEAD_BYTES,
-            // Unit, PDU and LRC take two digits a byte, after a colon and before the two end characters.
+            // Unit, PDU and LRC take two digits per byte, after a colon and before the two end characters.
             Self::Ascii => 2 * (pdu_bytes + 2) + 3,
         }
     }

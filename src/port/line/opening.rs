@@ -12,11 +12,11 @@ use crate::stats::{Event, LastError};
 const REOPEN_FIRST: Duration = Duration::from_millis(250);
 const REOPEN_LONGEST: Duration = Duration::from_secs(5);
 
-/// See the module.
+/// Opens and reopens a line.
 pub(crate) struct Opening<'s> {
     port_state: &'s PortState,
     settings: &'s SerialSettings,
-    /// Somebody tries one speed after the other, and sees it.
+    /// Speeds are being tried interactively, so each opening is not logged.
     quiet: bool,
     pause: Duration,
 }
@@ -26,7 +26,7 @@ impl<'s> Opening<'s> {
         Self { port_state, settings, quiet, pause: REOPEN_FIRST }
     }
 
-    /// The line if `host` could open it; sets the port's status.
+    /// Returns the line if `host` could open it; sets the port's status.
     pub(crate) fn opened<L: SerialLine>(
         &mut self,
         opened: Result<L, OpenError>,
@@ -53,7 +53,7 @@ impl<'s> Opening<'s> {
         }
     }
 
-    /// The line is lost.
+    /// Reports that the line is lost.
     pub(crate) fn lost(&self) {
         log_warn!("{} is lost", self.settings.device.as_str());
         self.port_state.stats.count(Event::LineLost);

@@ -1,14 +1,14 @@
 //! Bus sniffer: classifies frames on a serial line shared with other devices as a request for the gateway, a request for another
 //! unit, that unit's response, or garbage. Pure; silences are passed in.
-//!
 //! In RTU, a frame of another unit is ambiguous: the response to a read begins like a request. So after a request to another unit
-//! its response is expected, and a frame that fits is taken for it; everything else is read as a request. A frame with one of the
+//! its response is expected, and a frame that fits is taken for it; everything else is interpreted as a request. A frame with one
+//! of the gateway's own ids is never another unit's response.
 //! gateway's own ids is never another unit's response.
 //!
-//! Everything between two silences is first tried as a single frame. Where silences cannot be observed (an operating system's
-//! reads are late) or were too short, frames are split by the lengths that both readings give and by valid CRCs; a frame can only
-//! begin where the previous one ended. A sniffer that has lost synchronisation, as after power-up, waits for a silence. ASCII
-//! frames are delimited and need none of that.
+//! Everything between two silences is first tried as a single frame. Where silences cannot be observed (an operating system's reads
+//! are late) or were too short, frames are split by the lengths of both interpretations and by valid CRCs; a frame can only begin
+//! where the previous one ended. A sniffer that has lost synchronisation, as after power-up, waits for a silence. ASCII frames are
+//! delimited and need none of that.
 
 use crate::modbus::Pdu;
 use crate::modbus::pdu::{self, EXCEPTION_BIT, End, ResponseLength};
@@ -33,9 +33,9 @@ pub enum Sniffed<'a> {
     ForeignRequest,
     /// A response from another unit.
     ForeignResponse,
-    /// Not a frame, and why.
+    /// Not a frame, with the reason.
     Garbage(LastError),
-    /// Nothing that can be judged yet.
+    /// Nothing complete yet.
     Nothing,
 }
 
@@ -69,8 +69,8 @@ impl RtuSniffer {
         !self.in_step
     }
 
-    /// Judges the beginning of `received`, all bytes not judged yet, and returns how many bytes that covers. `silent`: the line
-    /// has been silent since. `is_ours` knows the gateway's units, including 0 if broadcasts are for it.
+    /// Classifies the beginning of `received`, all bytes not classified yet, and returns how many bytes that covers. `silent`: the
+    /// line has been silent since. `is_ours` knows the gateway's units, including 0 if broadcasts are for it.
     ///
     /// Call again with the rest until it returns [`Sniffed::Nothing`].
     pub fn feed<'a>(
@@ -90,7 +90,7 @@ impl RtuSniffer {
         if let Some((end, unit, pdu)) = frame {
             self.in_step = true;
             let sniffed = match self.judge(unit, pdu, &is_ours) {
-                // It may be data that looks like a frame. If it was a request, the master repeats it.
+                // This may be data that looks like a frame. If it was a request, the master repeats it.
                 Sniffed::Request { .. } if !was_in_step => Sniffed::ForeignResponse,
                 sniffed => sniffed,
             };
@@ -115,7 +115,7 @@ impl RtuSniffer {
         (Sniffed::Nothing, 0)
     }
 
-    /// The minimum length of the frame that begins `received`, all bytes not judged yet; none if that is not more than has
+    /// The minimum length of the frame that begins `received`, all bytes not classified yet; `None` if that is not more than has
     /// arrived, or is unknown.
     pub fn at_least(&self, received: &[u8], is_ours: impl Fn(u8) -> bool) -> Option<usize> {
         let (&unit, so_far) = received.split_first().filter(|_| self.in_step)?;
@@ -123,7 +123,7 @@ impl RtuSniffer {
             End::At(length) => Some(length),
             End::Later | End::Unknown => None,
         };
-        // The response to a request that was missed.
+        // The response to a missed request.
         let unknown = || match so_far {
             [1..=4, count, ..] => Some(2 + usize::from(*count)),
             [5 | 6 | 15 | 16, ..] => Some(5),
@@ -138,11 +138,11 @@ impl RtuSniffer {
             return (received.len() < FRAME_BYTES_MIN).then_some(FRAME_BYTES_MIN);
         };
         let bytes = [request, response].map(|length| length + rtu::OVERHEAD_BYTES);
-        // A reading whose length has been reached failed its CRC.
+        // An interpretation whose length has been reached failed its CRC.
         bytes.into_iter().filter(|bytes| *bytes > received.len()).min()
     }
 
-    /// The first reading of the frame that has enough bytes and a valid CRC.
+    /// The first interpretation of the frame that has enough bytes and a valid CRC.
     fn first<'a>(
         &self,
         received: &'a [u8],
@@ -163,7 +163,7 @@ impl RtuSniffer {
             }
         }
         let as_request = pdu::request_length(so_far).and_then(whole);
-        // The response to a request that was missed: a read's response carries its length.
+        // The response to a missed request: a read's response carries its length.
         let unknown = || match so_far {
             [1..=4, count, ..] if !is_ours(unit) => whole(2 + usize::from(*count)),
             [function, _, ..] if function & EXCEPTION_BIT != 0 => whole(2),

@@ -1,8 +1,8 @@
 //! Diagnostics (FC 08) and the communication event functions (0B, 0C), Application Protocol 6.8 to 6.10.
 //!
 //! The counters are those of the port that the request came by, truncated to 16 bits. Listen-only mode is per port too: the own
-//! unit falls silent for clients of that port only. Restarting communications ends listen-only mode and clears the counters; the
-//! port itself stays open for the sake of the units behind the gateway.
+//! unit is silent for clients of that port only. Restarting communications ends listen-only mode and clears the counters; the port
+//! itself stays open for the units behind the gateway.
 
 use embassy_time::Instant;
 
@@ -55,7 +55,7 @@ pub(super) fn respond(
     put(response, &[&header, &counter.to_be_bytes()])
 }
 
-/// The state of all ports at this time; there is nothing to clear.
+/// The current state of all ports; there is nothing to clear.
 fn register(gateway: &Gateway<'_>) -> u16 {
     let failed = |port_state: &PortState| matches!(port_state.status(), Status::Lost | Status::Failed(_));
     let down = |port: PortAt<'_>| port.units(|units| units.iter().any(Unit::is_down));
@@ -65,7 +65,7 @@ fn register(gateway: &Gateway<'_>) -> u16 {
         | bit(gateway.pool().free() == 0, NO_FRAME)
 }
 
-/// Listen-only handling, ahead of everything else: whether the own unit is silent at `port`, and requests that change that.
+/// Handles listen-only mode, ahead of everything else: whether the own unit is silent at `port`, and requests that change that.
 pub(super) fn mode(gateway: &Gateway<'_>, port: PortId, request: &[u8]) -> Mode {
     let listens = gateway.events(|events| events.listens_only(port));
     match *request {
@@ -91,13 +91,13 @@ pub(super) fn mode(gateway: &Gateway<'_>, port: PortId, request: &[u8]) -> Mode 
     }
 }
 
-/// How the own unit handles a request.
+/// How the own unit reacts to a request.
 pub(super) enum Mode {
     /// It responds.
     Answers,
     /// It has restarted communications; the response repeats the request.
     Restarted,
-    /// The sub-function does not have that value.
+    /// The sub-function does not allow that value.
     Refused,
     /// It stays silent.
     Silent,
@@ -112,7 +112,7 @@ fn counter(stats: &Counters, sub: u16) -> Option<u16> {
         0x0e => stats.get(Event::Request),
         // The response to this request is still to come.
         0x0f => stats.get(Event::Request).wrapping_sub(stats.get(Event::Response)).saturating_sub(1),
-        // NAK is for programming functions, which the gateway does not have.
+        // NAK is for programming functions, which the gateway does not support.
         0x10 => 0,
         0x11 => stats.get(Event::Busy),
         0x12 => stats.get(Event::Overrun),

@@ -12,7 +12,7 @@ const OBJECTS: [&str; 5] = [
     env!("CARGO_PKG_REPOSITORY"),
     "mobgate Modbus gateway",
 ];
-/// How many of them are basic.
+/// Number of basic objects.
 const BASIC: usize = 3;
 /// Regular identification, with stream and individual access.
 const CONFORMITY: u8 = 0x82;

@@ -1,5 +1,5 @@
-//! Registers of the own unit that operate data points, as a program would: which values to read or write at once, whose commands
-//! were accepted, and the status of each point. The table is in docs/registers.md.
+//! Registers of the own unit that operate data points from a program: immediate reads and writes, accepted commands, and the status
+//! of each point. The table is in docs/registers.md.
 
 use embassy_time::Instant;
 

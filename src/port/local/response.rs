@@ -2,7 +2,7 @@
 
 use crate::modbus::{Exception, Pdu};
 
-/// `Ok` if there is a response, or the exception to respond with.
+/// `Ok` if there is a response; otherwise the exception to respond with.
 pub(super) type Answered = Result<(), Exception>;
 
 /// Appends `parts` to `response`.

@@ -82,7 +82,7 @@ pub(super) fn respond(gateway: &Gateway<'_>, request: &[u8], response: &mut Pdu)
     if !(1..=REGISTERS_MAX).contains(&count) {
         return Some(Err(Exception::ILLEGAL_VALUE));
     }
-    // There is room for as many.
+    // Sized for that many registers.
     let _ = put(response, &[&[function, 2 * count as u8]]);
     for offset in 0..count {
         let value = first.checked_add(offset).and_then(|address| register(gateway, address));

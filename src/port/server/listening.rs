@@ -1,10 +1,10 @@
-//! Reports that a network server listens, or why it cannot.
+//! Reports whether a network server listens, or why it cannot.
 
 use crate::gateway::{PortState, Status};
 use crate::hal::OpenError;
 use crate::stats::LastError;
 
-/// The server at `port_state` listens on `port` of `protocol`.
+/// Reports that the server at `port_state` listens on `port` of `protocol`.
 pub(crate) fn listens(port_state: &PortState, protocol: &str, port: u16) {
     if port_state.set_status(Status::Open) {
         port_state.stats.note(LastError::None);
@@ -12,7 +12,7 @@ pub(crate) fn listens(port_state: &PortState, protocol: &str, port: u16) {
     }
 }
 
-/// The server at `port_state` cannot listen.
+/// Reports that the server at `port_state` cannot listen.
 pub(crate) fn fails(port_state: &PortState, protocol: &str, port: u16, error: OpenError) {
     port_state.stats.note(LastError::Port);
     if port_state.set_status(Status::Failed(error)) {

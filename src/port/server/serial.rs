@@ -1,9 +1,9 @@
 //! A server-side serial port: the gateway is one of the slaves on a master's line, which may have other devices.
 //!
-//! Received frames are judged by the [`sniffer`](crate::port::line::sniffer). A request for a unit that the rules route from here
-//! goes to the router, and its response returns through the port's channel. One request is open at a time. It ends when the
-//! response has been sent, when its time is over, or as soon as anything else is received: then the master has moved on, and a
-//! response would collide with its traffic. Responses to ended requests are dropped.
+//! The [`sniffer`](crate::port::line::sniffer) classifies received frames. A request for a unit that the rules route from here goes
+//! to the router, and its response returns through the port's channel. One request is open at a time. It ends when the response has
+//! been sent, at its deadline, or as soon as anything else is received: then the master has moved on, and a response would collide
+//! with its traffic. Responses to ended requests are dropped.
 
 use core::pin::pin;
 
@@ -18,7 +18,7 @@ pub(crate) use self::server::Server;
 use self::session::Session;
 
 impl Server<'_, '_> {
-    /// Keeps the line open and serves it, for ever.
+    /// Keeps the line open and serves it, forever.
     pub(crate) async fn run<H: SerialHost>(&self, host: &mut H) {
         let mut opening = Opening::new(self.port_state, self.settings, false);
         loop {

@@ -1,4 +1,4 @@
-//! A TCP server: one connection of it, which serves one client after another, by Modbus TCP or RTU over TCP, or with a capture.
+//! A TCP server: one of its connections, which serves one client after another, by Modbus TCP or RTU over TCP, or with a capture.
 //!
 //! A listener has one connection per client that it allows, plus one that accepts newcomers and, when all are taken, decides
 //! which client is displaced: the ordinary client idle longest. Requests are split off the stream, put into frames and sent to
@@ -50,7 +50,7 @@ pub(crate) struct Server<'s, 'g> {
     pub(crate) index: usize,
 }
 
-/// The settings a connection needs all the time. Address lists are looked up when a client connects: every connection holds a
+/// The settings that a connection needs permanently. Address lists are looked up when a client connects: every connection holds a
 /// copy of this.
 #[derive(Clone, Copy)]
 pub(crate) struct Terms {
@@ -72,7 +72,7 @@ impl Terms {
 type End = Event;
 
 impl Server<'_, '_> {
-    /// Serves one client after another, for ever. Not an `async fn`, which would store its arguments twice per connection.
+    /// Serves one client after another, forever. Not an `async fn`, which would store its arguments twice per connection.
     pub(crate) fn run<H: TcpHost>(&self, host: &mut H) -> impl Future<Output = Infallible> {
         let mut window = Window::new(self.settings.pipeline);
         async move {
@@ -105,7 +105,7 @@ impl Server<'_, '_> {
         }
     }
 
-    /// Accepts the next client. The listener is open already while the window keeps newcomers waiting.
+    /// Accepts the next client. The listener stays open while the window delays newcomers.
     async fn accept<'h, H: TcpHost>(
         &self,
         host: &'h mut H,
@@ -118,7 +118,7 @@ impl Server<'_, '_> {
         host.accept(listen).await
     }
 
-    /// The connection is free: responses that still arrive are dropped.
+    /// Marks the connection as free, and drops responses that still arrive.
     pub(crate) fn left(&self) {
         self.connection.update(|connection| connection.peer = None);
         self.connection.responses.clear(self.gateway.pool());
@@ -188,7 +188,7 @@ impl Server<'_, '_> {
                         let deaf = matches!(waits, Waits::ForFrame) || space.is_empty();
                         let read = async { if deaf { pending().await } else { stream.read(space).await } };
                         let responses = self.connection.responses.receive(self.gateway.pool());
-                        // A client that is kept waiting is not idle.
+                        // A client that is delayed is not idle.
                         let kept = matches!(waits, Waits::ForTurn(_));
                         let idle_until = if kept { Instant::MAX } else { self.idle_until() };
                         let wake = until(idle_until.min(pause_end));
@@ -218,7 +218,7 @@ impl Server<'_, '_> {
     /// Handles all complete requests; returns what the next one has to wait for.
     fn take_requests(&self, input: &mut Input, origin: Origin, window: &mut Window) -> Result<Waits, End> {
         loop {
-            // RTU responses do not tell which request they belong to.
+            // RTU responses do not identify their request.
             if self.settings.framing == StreamFraming::Rtu && self.open_requests() > 0 {
                 return Ok(Waits::ForTurn(Instant::MAX));
             }
@@ -313,7 +313,7 @@ impl Server<'_, '_> {
         }
     }
 
-    /// Encodes the next piece of the response into `out`; a frame that returned without one is only accounted for.
+    /// Encodes the next piece of the response into `out`; a frame that returned without a response is only accounted for.
     fn encode(&self, response: &Response<'_>, out: &mut Pieces) {
         let frame = match response {
             Response::Refusal(header, response) => return self.put(*header, response, out),
@@ -339,14 +339,14 @@ impl Server<'_, '_> {
         out.take(self.settings.framing, header, response, |frame| self.tap(true, Event::Response, frame));
     }
 
-    /// Shows the capture a frame from or to the client.
+    /// Passes a frame from or to the client to the capture.
     fn tap(&self, sent: bool, verdict: Event, bytes: &[u8]) {
         let tap = Tap { capture: self.gateway.capture(), port: self.id, kind: self.settings.framing.into() };
         let requester = || self.peer().map_or(0, |peer| peer.port());
         tap.passed(requester, sent, verdict, bytes);
     }
 
-    /// When the client will have been idle too long; never while it waits for a response.
+    /// When the client's idle time ends; never while it waits for a response.
     fn idle_until(&self) -> Instant {
         let (open, last_request) =
             self.connection.update(|connection| (connection.open_requests, connection.last_request));

@@ -21,7 +21,7 @@ use crate::port::server::listening;
 use crate::settings::{PortId, UDP_REQUESTS_MAX, UdpServerSettings};
 use crate::stats::Event;
 
-/// Pause after the socket fails.
+/// Pause after a failure of the socket.
 const BIND_PAUSE: Duration = Duration::from_secs(1);
 /// One byte more than a frame, to detect datagrams that are too long.
 const DATAGRAM_BYTES_MAX: usize = ADU_BYTES_MAX + 1;
@@ -40,7 +40,7 @@ pub(crate) struct Server<'s, 'g> {
     open: RefCell<Vec<Open, UDP_REQUESTS_MAX>>,
 }
 
-/// A request that is not answered yet.
+/// An open request.
 #[derive(Clone, Copy)]
 struct Open {
     peer: SocketAddr,
@@ -50,7 +50,7 @@ struct Open {
 }
 
 impl<'s, 'g> Server<'s, 'g> {
-    /// A server without requests.
+    /// A server without open requests.
     pub(crate) fn new(
         gateway: &'s Gateway<'g>,
         port_state: &'s PortState,
@@ -60,7 +60,7 @@ impl<'s, 'g> Server<'s, 'g> {
         Self { gateway, port_state, id, settings, open: RefCell::new(Vec::new()) }
     }
 
-    /// Keeps the socket open and serves it, for ever.
+    /// Keeps the socket open and serves it, forever.
     pub(crate) async fn run<H: UdpHost>(&self, host: &mut H) {
         loop {
             let port = self.settings.listen.port;
@@ -77,7 +77,7 @@ impl<'s, 'g> Server<'s, 'g> {
         }
     }
 
-    /// The socket is gone: responses that arrive from now on are dropped.
+    /// Drops responses that arrive from now on, as the socket is closed.
     pub(crate) fn close(&self) {
         self.port_state.renew();
         self.port_state.queue.clear(self.gateway.pool());
@@ -129,7 +129,7 @@ impl<'s, 'g> Server<'s, 'g> {
         self.response(peer, header, &response, out)
     }
 
-    /// Sends a request to the router, or returns what to count and which exception to respond with, if any.
+    /// Sends a request to the router, or returns the event to count and the exception to respond with, if any.
     fn ask(
         &self,
         header: Header,
@@ -156,13 +156,13 @@ impl<'s, 'g> Server<'s, 'g> {
             return Err((Event::BackPressure, Some(Exception::BUSY)));
         };
         self.port_state.stats.count(Event::Request);
-        // There is room: `requests` is at most the size of the table.
+        // Within the capacity: `requests` is at most the size of the table.
         let _ = open.push(Open { peer, header, number });
         self.gateway.inbox.send(frame);
         Ok(())
     }
 
-    /// Shows the capture a frame from or to `peer`.
+    /// Passes a frame from or to `peer` to the capture.
     fn tap(&self, peer: SocketAddr, sent: bool, verdict: Event, bytes: &[u8]) {
         let tap = Tap { capture: self.gateway.capture(), port: self.id, kind: FrameKind::Udp };
         tap.passed(|| peer.port(), sent, verdict, bytes);
@@ -179,7 +179,7 @@ impl<'s, 'g> Server<'s, 'g> {
         }
     }
 
-    /// Writes the response in `frame` into `out`; none if the frame returned without one.
+    /// Writes the response in `frame` into `out`; `None` if the frame returned without one.
     fn respond(&self, frame: &Frame<'_>, out: &mut Out) -> Option<Response> {
         let envelope = frame.envelope();
         let mut open = self.open.borrow_mut();

@@ -1,6 +1,6 @@
-//! The object dictionary in the ESI file: types first, objects behind.
+//! The object dictionary in the ESI file: types first, then objects.
 //!
-//! An object with several values has a type of its own, `DT` and its index; values of one kind stand in it as an array.
+//! An object with several values has its own type, named `DT` and its index; values of one kind form an array in it.
 
 use std::fmt::{Error, Write};
 
@@ -9,7 +9,7 @@ use ethercat_subdevice::object::{Access, DataType, Entries, Entry, Object, Value
 use super::entries::{Place, TypeName};
 use super::xml::{Hex, Xml};
 
-/// Bits of sub-index 0 with what fills it up to the first value.
+/// Bits of sub-index 0 with padding up to the first value.
 const COUNT_BITS: usize = 16;
 
 pub(super) fn write<W: Write>(xml: &mut Xml<'_, W>, objects: &[Object], whose: Place) -> Result<(), Error> {
@@ -24,7 +24,7 @@ pub(super) fn write<W: Write>(xml: &mut Xml<'_, W>, objects: &[Object], whose: P
     })
 }
 
-/// Each type that some entry has, once, and that of the bytes in arrays.
+/// Each type in use, once, and the element type of byte arrays.
 fn write_base_types<W: Write>(xml: &mut Xml<'_, W>, objects: &[Object]) -> Result<(), Error> {
     let types = || objects.iter().flat_map(types_of);
     if types().any(|data_type| matches!(data_type, DataType::Octets(_) | DataType::OctetsUpTo(_))) {
@@ -57,7 +57,7 @@ fn types_of(object: &Object) -> impl Iterator<Item = DataType> + '_ {
     (0..=object.sub_max()).filter_map(|sub| object.entry(sub)).map(|entry| entry.data_type)
 }
 
-/// The kind of values that an object has several of.
+/// The element of an array object.
 fn element(object: &Object) -> Option<Entry> {
     match object.entries {
         Entries::Variable(_) | Entries::Record(_) => None,
@@ -144,7 +144,7 @@ fn write_object<W: Write>(xml: &mut Xml<'_, W>, object: &Object, whose: Place) -
     })
 }
 
-/// The value after power-on, as the bytes that are read.
+/// The value after power-on, as the bytes that a read returns.
 fn write_default<W: Write>(xml: &mut Xml<'_, W>, entry: Entry) -> Result<(), Error> {
     match (entry.default_number(), entry.value) {
         (Some(number), _) => {
@@ -154,7 +154,7 @@ fn write_default<W: Write>(xml: &mut Xml<'_, W>, entry: Entry) -> Result<(), Err
         }
         (None, Value::Computed) => Ok(()),
         (None, Value::Text(text)) => xml.text("DefaultData", format_args!("{}", Hex(text.as_bytes()))),
-        // Nothing, or all zeros.
+        // Empty, or all zeros.
         (None, _) if matches!(entry.data_type, DataType::OctetsUpTo(_)) => {
             xml.text("DefaultData", format_args!(""))
         }

@@ -1,4 +1,4 @@
-//! What stands wherever the ESI file tells of an entry: whose object it is of, its name, its type.
+//! The description of an entry, common to all parts of the ESI file: index, name, type.
 
 use std::fmt::{self, Display, Error, Formatter, Write};
 
@@ -6,12 +6,12 @@ use ethercat_subdevice::object::{DataType, Entries, Entry, Object, PADDING};
 
 use super::xml::Xml;
 
-/// Whose objects an index is one of.
+/// The owner of an object.
 #[derive(Clone, Copy)]
 pub(super) enum Place {
-    /// The device's: it is as it is.
+    /// The device: the index is absolute.
     Device,
-    /// A module's: it is that in slot 0.
+    /// A module: the index is the one in slot 0.
     Slot,
 }
 
@@ -24,7 +24,7 @@ impl Display for Place {
     }
 }
 
-/// What `pdo` carries, of the objects that `object` finds.
+/// The entries of `pdo`, among the objects that `object` returns.
 pub(super) fn write_entries<W: Write>(
     xml: &mut Xml<'_, W>,
     pdo: &Object,
@@ -47,7 +47,7 @@ pub(super) fn write_entries<W: Write>(
             xml.text("SubIndex", format_args!("{sub}"))?;
             xml.text("BitLen", format_args!("{bits}"))?;
             xml.text("Name", format_args!("{}", entry.label()))?;
-            // An EEPROM may have no room for a name of each entry; which one it is stands in the comment then.
+            // The EEPROM may have no room for a name per entry; the comment then says which one it is.
             if let (Entries::Array(_, Entry { number: None, .. }), Some(place)) =
                 (&object.entries, sub.checked_sub(1))
             {
@@ -58,7 +58,7 @@ pub(super) fn write_entries<W: Write>(
     })
 }
 
-/// Which element of an array an entry is, counted from 0; of bytes which ones.
+/// The element number of an array entry, from 0; for bytes, their range.
 fn write_place<W: Write>(xml: &mut Xml<'_, W>, entry: Entry, place: u8) -> Result<(), Error> {
     match entry.data_type {
         DataType::Octets(bytes) => {

@@ -1,4 +1,4 @@
-//! Slots and modules in the ESI file (ETG.2000): what can be put where, and what a MainDevice writes for it at start.
+//! Slots and modules in the ESI file (ETG.2000): which modules fit which slots, and what a MainDevice writes at start-up.
 
 use std::fmt::{Display, Error, Write};
 
@@ -13,51 +13,51 @@ use super::xml::{Hex, Xml};
 /// The slots of a device, all of one kind.
 #[derive(Debug, Clone, Copy)]
 pub struct Slots {
-    /// What a slot is for.
+    /// Purpose of a slot.
     pub name: &'static str,
     /// The class of modules that fit.
     pub class: &'static str,
-    /// How many there are.
+    /// Number of slots.
     pub count: u8,
-    /// How far apart the objects of two slots are.
+    /// Index distance between the objects of adjacent slots.
     pub index_step: u16,
-    /// How far apart their PDOs are.
+    /// Index distance between their PDOs.
     pub pdo_step: u16,
-    /// What is written into the device at start.
+    /// Values written to the device at start-up.
     pub start_up: &'static [Command],
 }
 
-/// A value that is written on the way to SafeOp.
+/// A value written on the way to SafeOp.
 #[derive(Debug, Clone, Copy)]
 pub struct Command {
-    /// Where.
+    /// The target entry.
     pub at: Address,
-    /// Which.
+    /// The value.
     pub value: u64,
 }
 
-/// A module, as it is in slot 0.
+/// A module, with the indices of slot 0.
 pub trait Module {
-    /// By what F030h and F050h tell it from others.
+    /// Identifies the module in F030h and F050h.
     fn ident(&self) -> u32;
 
-    /// The class of slots that it fits into.
+    /// The class of slots that it fits.
     fn class(&self) -> &'static str;
 
-    /// Its name, for people.
+    /// Its name for display.
     fn name(&self) -> impl Display;
 
     /// Its object at `index`; PDOs are those at 1600h and 1A00h.
     fn object(&self, index: u16) -> Option<Object>;
 
-    /// All its objects but PDOs.
+    /// All its objects except PDOs.
     fn objects(&self) -> impl Iterator<Item = Object>;
 
-    /// What is written at start.
+    /// Values written at start-up.
     fn start_up(&self) -> impl Iterator<Item = Command>;
 }
 
-/// Of a file without modules.
+/// The module type of a file without modules.
 pub(super) enum NoModule {}
 
 impl Module for NoModule {
@@ -133,7 +133,7 @@ pub(super) fn write<W: Write, M: Module>(xml: &mut Xml<'_, W>, module: &M) -> Re
     })
 }
 
-/// What is written at start, into an object that `object` finds.
+/// A value written at start-up, to an object that `object` returns.
 pub(super) fn write_command<W: Write>(
     xml: &mut Xml<'_, W>,
     command: &Command,

@@ -1,4 +1,4 @@
-//! XML, as far as it is needed: elements in elements, indented, their text escaped.
+//! A minimal XML writer: nested, indented elements with escaped text.
 
 use std::fmt::{Arguments, Display, Error, Formatter, Write};
 
@@ -13,7 +13,7 @@ impl<'w, W: Write> Xml<'w, W> {
         Self { into, depth: 0 }
     }
 
-    /// An element with others in it.
+    /// An element with child elements.
     pub(super) fn within(
         &mut self,
         name: &str,
@@ -47,7 +47,7 @@ impl<'w, W: Write> Xml<'w, W> {
         self.element(name, format_args!(""), text)
     }
 
-    /// An element with nothing in it.
+    /// An empty element.
     pub(super) fn empty(&mut self, name: &str, attributes: Arguments<'_>) -> Result<(), Error> {
         self.indent()?;
         writeln!(self.into, "<{name}{attributes}/>")

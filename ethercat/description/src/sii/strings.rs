@@ -1,14 +1,14 @@
-//! The SII's strings: each once, found by its number from 1 on.
+//! The SII's strings: each stored once, numbered from 1.
 
 use ethercat_subdevice::device::Device;
 use ethercat_subdevice::object::PADDING;
 use ethercat_subdevice::sync_manager::Channel;
 
-/// All strings of a device. The first is its type: some MainDevices take that one for its name.
+/// All strings of a device. The type comes first: some MainDevices take the first string for the name.
 pub(super) struct Strings(Vec<String>);
 
 impl Strings {
-    /// The strings of `device`; none if they are too many for their numbers, or one is too long.
+    /// The strings of `device`; `None` if there are too many, or one is too long.
     pub(super) fn of(device: &Device) -> Option<Self> {
         let mut strings = Self(Vec::new());
         for text in [device.order, device.group, device.name] {
@@ -34,7 +34,7 @@ impl Strings {
         }
     }
 
-    /// The number of a text; 0 stands for none.
+    /// The number of a text; 0 means none.
     pub(super) fn index(&self, text: &str) -> u8 {
         self.0.iter().position(|known| known == text).map_or(0, |at| at as u8 + 1)
     }

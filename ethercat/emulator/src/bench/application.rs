@@ -1,4 +1,4 @@
-//! The bench's application: values that are kept as they were written, process data that are remembered.
+//! The bench's application: stores written values, and records process data.
 
 use std::cell::RefCell;
 use std::collections::HashMap;
@@ -14,7 +14,7 @@ use ethercat_subdevice::indicators::Indicators;
 use ethercat_subdevice::object::Object;
 use ethercat_subdevice::sync_manager::Channel;
 
-/// An application that a test looks into while the SubDevice has it.
+/// An application that a test can inspect while the SubDevice uses it.
 pub struct Shared<A>(pub Rc<RefCell<A>>);
 
 impl<A> Shared<A> {
@@ -116,28 +116,28 @@ impl<A: Application> Application for Shared<A> {
     }
 }
 
-/// What the bench's devices do.
+/// The application of the bench's devices.
 #[derive(Default)]
 pub struct Bench {
-    /// What was written, by index and sub-index.
+    /// Written values, by index and sub-index.
     pub values: HashMap<(u16, u8), Vec<u8>>,
-    /// How often anything was written.
+    /// Number of writes.
     pub writes: usize,
-    /// The outputs that came last.
+    /// The last outputs.
     pub outputs: Vec<u8>,
-    /// How often outputs came.
+    /// Number of output images.
     pub images: usize,
     /// How often outputs became invalid.
     pub stops: usize,
-    /// How the controller failed.
+    /// The controller's faults.
     pub faults: Vec<EscError>,
-    /// With what inputs are filled; it counts up.
+    /// Fill value of inputs; it increments.
     pub fill: u8,
-    /// Writes go on as long as this is set, and end in an error if there is one.
+    /// Writes stay pending while this is set, and then end with an error if there is one.
     pub writing: bool,
     /// That error.
     pub write_error: Option<Abort>,
-    /// A state that the application refuses, and why.
+    /// A state that the application refuses, with the code.
     pub refuses: Option<(AlState, AlStatusCode)>,
 }
 
@@ -149,7 +149,7 @@ impl Application for Bench {
     }
 
     fn check(&mut self, at: Address, value: &[u8]) -> Result<(), Abort> {
-        // What cannot be changed because of local control, to have that abort code too.
+        // A value refused because of local control, to cover that abort code too.
         match (at.index, value) {
             (0x2106, [13, ..]) => Err(Abort::LocalControl),
             _ => Ok(()),

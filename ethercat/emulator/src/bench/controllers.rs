@@ -1,4 +1,4 @@
-//! The controllers that the suite runs on: by default one that is reached directly, and by the tests in `controllers` each of them.
+//! The controllers that the suite runs on: by default one with direct access; the tests in `controllers` run all of them.
 
 use crate::Lan9252;
 use crate::lan9252::{Spi, Timing};
@@ -6,27 +6,27 @@ use crate::{Interrupt, Kind, SharedChip};
 use embassy_time::Duration;
 use ethercat_subdevice::lan9252::{InterruptPin, Lan9252 as Driver, Wiring};
 
-/// Says on which controller the suite runs.
+/// The environment variable that selects the controller.
 pub const CHOICE: &str = "MOBGATE_CONTROLLER";
-/// Between two frames, where an access takes no time, and on an SPI.
+/// Pause between two frames: with direct access, and over SPI.
 pub(super) const PAUSE: Duration = Duration::from_micros(50);
 pub(super) const SPI_PAUSE: Duration = Duration::from_millis(2);
-/// A LAN9252 is ready 20 ms after its driver has reset it.
+/// A LAN9252 is ready 20 ms after its driver resets it.
 pub(super) const POWER_ON: Duration = Duration::from_millis(50);
 
-/// A controller, and how the processor reaches it.
+/// A controller, and the processor's access to it.
 #[derive(Debug, Clone, Copy)]
 pub struct Controller {
-    /// As it is asked for.
+    /// Its name in [`CHOICE`].
     pub name: &'static str,
     pub(super) kind: Kind,
-    /// It is a LAN9252 on an SPI, with this pin; else it is reached directly.
+    /// A LAN9252 on SPI with this pin; otherwise direct access.
     pub(super) spi: Option<InterruptPin>,
-    /// The processor notes rising edges of its line instead of looking at the level.
+    /// The processor latches rising edges of its line instead of sampling the level.
     pub(super) edges: bool,
 }
 
-/// All of them; the first is the one by default.
+/// All controllers; the first is the default.
 pub const CONTROLLERS: [Controller; 7] = [
     Controller { name: "4-level", kind: Kind::LAN9252, spi: None, edges: false },
     Controller { name: "8-level", kind: Kind::ET1100, spi: None, edges: false },
@@ -41,7 +41,7 @@ const fn lan9252(name: &'static str, pin: InterruptPin, edges: bool) -> Controll
     Controller { name, kind: Kind::LAN9252, spi: Some(pin), edges }
 }
 
-/// The driver of a LAN9252 with this pin, the line that it makes on a board, and the chip.
+/// The driver of a LAN9252 with this pin, the interrupt line as it is on a board, and the chip.
 pub fn lan9252_with(
     chip: SharedChip,
     interrupt: InterruptPin,
@@ -60,10 +60,10 @@ pub fn lan9252_with(
 }
 
 impl Controller {
-    /// The one that the environment asks for by [`CHOICE`].
+    /// The controller selected by the environment variable [`CHOICE`].
     ///
     /// # Panics
-    /// When none is called so.
+    /// If no controller has that name.
     pub fn chosen() -> Self {
         let [usual, ..] = CONTROLLERS;
         let Ok(name) = std::env::var(CHOICE) else { return usual };

@@ -1,4 +1,4 @@
-//! The bench's devices: alike but for the size of their mailboxes, with objects for everything that SDO can do.
+//! The bench's devices: equal except for mailbox sizes, with objects for every SDO feature.
 
 use ethercat_subdevice::device::{Device, Identity};
 use ethercat_subdevice::object::{Access, DataType, Entry, Mapped, Object};
@@ -8,7 +8,7 @@ use ethercat_subdevice::sync_manager::MemoryPlan;
 /// Bytes of object 2100h.
 pub const LARGE_BYTES: usize = 300;
 
-/// With the shortest mailboxes that there are.
+/// With the shortest possible mailboxes.
 pub static MAILBOX_34: Device = device(34);
 /// With mailboxes of 64 bytes.
 pub static MAILBOX_64: Device = device(64);
@@ -27,7 +27,7 @@ const RECORD: &[Entry] = &[
     Entry::setting("Double word", DataType::U32, 0, ANY),
 ];
 
-/// Its second value cannot be written.
+/// Its second value is read-only.
 const MIXED: &[Entry] =
     &[Entry::setting("Read and write", DataType::U16, 0, ANY), Entry::number("Read only", DataType::U16, 7)];
 

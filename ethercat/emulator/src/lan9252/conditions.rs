@@ -1,15 +1,15 @@
-//! What is set and counted at an emulated LAN9252: how fast it is, what fails, how much it was used.
+//! Timing, faults and counters of an emulated LAN9252.
 
 use crate::Nanos;
 
-/// How fast everything is.
+/// The chip's timing.
 #[derive(Debug, Clone, Copy)]
 pub struct Timing {
     /// The SPI clock.
     pub spi_hz: u64,
-    /// Around a transaction: the select line, and the processor's way to the next.
+    /// Per transaction: select line, and the processor's gap to the next one.
     pub select_nanos: Nanos,
-    /// One access to a register of the ESC.
+    /// One access to an ESC register.
     pub csr_nanos: Nanos,
     /// One double word between a FIFO and the ESC's memory.
     pub fifo_nanos: Nanos,
@@ -20,7 +20,7 @@ pub struct Timing {
 }
 
 impl Timing {
-    /// SPI at 20 MHz, and a chip that is slower than it needs to be.
+    /// SPI at 20 MHz, and a conservatively slow chip.
     pub const USUAL: Self = Self {
         spi_hz: 20_000_000,
         select_nanos: 300,
@@ -30,7 +30,7 @@ impl Timing {
         ready_nanos: 20_000_000,
     };
 
-    /// Nothing takes time, for where the wall clock lets it pass.
+    /// Nothing takes time, for use on the wall clock.
     pub const NONE: Self = Self {
         spi_hz: u64::MAX,
         select_nanos: 0,
@@ -44,13 +44,13 @@ impl Timing {
 /// Faults between the processor and the chip.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct SpiFaults {
-    /// The probability that a bit of a byte is turned, in each direction.
+    /// The probability of a bit flip per byte, in each direction.
     pub flipped: f64,
     /// The probability that a transaction fails in the processor.
     pub failed: f64,
 }
 
-/// What was counted since the last look.
+/// Traffic counters.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Traffic {
     /// Bytes on the SPI.

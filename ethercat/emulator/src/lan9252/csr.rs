@@ -1,4 +1,4 @@
-//! The engine that accesses single registers of the ESC.
+//! The engine that accesses single ESC registers.
 
 use crate::registers::PROCESS_RAM;
 use crate::{Chip, Nanos};
@@ -6,13 +6,13 @@ use crate::{Chip, Nanos};
 const BUSY: u32 = 1 << 31;
 const READ: u32 = 1 << 30;
 
-/// Data and command registers, and how long the command is under way.
+/// Data and command registers, and when the command completes.
 #[derive(Debug, Default)]
 pub(super) struct Csr {
     data: u32,
     command: u32,
     done: Nanos,
-    /// The next command never ends.
+    /// The next command never completes.
     hangs: bool,
     stuck: bool,
 }
@@ -26,7 +26,7 @@ impl Csr {
         self.stuck || at < self.done
     }
 
-    /// Until the engine has finished there is nothing in the data register that is worth reading.
+    /// The data register is invalid while the engine is busy.
     pub(super) fn data(&self, at: Nanos) -> u32 {
         if self.busy(at) { !self.data } else { self.data }
     }
@@ -43,7 +43,7 @@ impl Csr {
         self.command & !BUSY | if self.busy(at) { BUSY } else { 0 }
     }
 
-    /// Starts a command that is done after `takes`.
+    /// Starts a command that takes `takes`.
     pub(super) fn start(
         &mut self,
         command: u32,

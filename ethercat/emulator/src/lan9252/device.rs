@@ -25,14 +25,14 @@ pub(super) struct Device {
     pub(super) injected: u64,
     pub(super) traffic: Traffic,
     pub(super) violations: Vec<String>,
-    /// A fault has hit: what the driver does may look wrong without being its own doing.
+    /// A fault was injected: apparent misuse may not be the driver's.
     pub(super) tainted: bool,
     pub(super) csr: Csr,
     pub(super) read: Fifo,
     pub(super) write: Fifo,
     irq_config: u32,
     irq_enable: u32,
-    /// The board's resistor at the interrupt pin leads up, not down.
+    /// The board has a pull-up at the interrupt pin instead of a pull-down.
     pub(super) pulled_up: bool,
     /// When it was last reset.
     reset_at: Nanos,
@@ -59,7 +59,7 @@ impl Device {
         }
     }
 
-    /// Starts everything anew, the ESC too.
+    /// Resets everything, the ESC included.
     pub(super) fn reset(&mut self, at: Nanos) {
         self.chip.borrow_mut().reset();
         (self.csr, self.read, self.write) = Default::default();
@@ -73,8 +73,8 @@ impl Device {
         }
     }
 
-    /// The level of the interrupt pin. As an open drain, which it is after a reset, it can only pull down: else the board's
-    /// resistor has its way.
+    /// The level of the interrupt pin. As an open drain, its reset state, it can only pull down; otherwise the board's resistor
+    /// decides.
     pub(super) fn pin(&mut self, at: Nanos) -> bool {
         let requested = self.irq_config & IRQ_ENABLE != 0 && self.interrupts(at) & self.irq_enable != 0;
         match self.irq_config & IRQ_PUSH_PULL {
@@ -96,19 +96,19 @@ impl Device {
         at >= self.reset_at + self.timing.ready_nanos
     }
 
-    /// Lets the engines do what they have had time for.
+    /// Advances the engines to `at`.
     pub(super) fn run(&mut self, at: Nanos) {
         let chip = &mut self.chip.borrow_mut();
         self.read.fill(chip, at, self.timing.fifo_nanos);
         self.write.drain(chip, at, self.timing.fifo_nanos);
     }
 
-    /// What the driver has pushed reaches the memory, also if it never looks at the chip again.
+    /// Flushes what the driver has pushed to memory, even if it never accesses the chip again.
     pub(super) fn settle(&mut self) {
         self.write.settle(&mut self.chip.borrow_mut());
     }
 
-    /// Reads a register. In reset the bus floats.
+    /// Reads a register. During reset the bus floats.
     pub(super) fn read_register(&mut self, address: u16, at: Nanos) -> u32 {
         self.run(at);
         if !self.answers(at) {
@@ -140,7 +140,7 @@ impl Device {
         }
     }
 
-    /// Writes a register. In reset nobody listens.
+    /// Writes a register; ignored during reset.
     pub(super) fn write_register(&mut self, address: u16, value: u32, at: Nanos) {
         self.run(at);
         if !self.answers(at) {

@@ -10,10 +10,10 @@ const ABORT: u32 = 1 << 30;
 /// Double words that a FIFO holds.
 const DEPTH: usize = 16;
 const RAM_END: u32 = 0x2000;
-/// What an empty FIFO gives.
+/// The value read from an empty FIFO.
 const NOTHING: u32 = 0xDEAD_BEEF;
 
-/// One direction's engine: its address and length count on while it moves data.
+/// The engine of one direction; address and length advance as it moves data.
 #[derive(Debug, Default)]
 pub(super) struct Fifo {
     address: u16,
@@ -42,12 +42,12 @@ impl Fifo {
         Ok(())
     }
 
-    /// The command register of the engine that reads: how many double words wait to be fetched.
+    /// The read engine's command register: number of double words to fetch.
     pub(super) fn waiting(&self) -> u32 {
         self.status(self.words.len())
     }
 
-    /// The command register of the engine that writes: for how many double words there is room.
+    /// The write engine's command register: number of double words that fit.
     pub(super) fn room(&self) -> u32 {
         self.status(DEPTH - self.words.len())
     }
@@ -87,7 +87,7 @@ impl Fifo {
         Ok(())
     }
 
-    /// Fills the FIFO from the ESC's memory as far as it is time.
+    /// Fills the FIFO from the ESC's memory up to `at`.
     pub(super) fn fill(&mut self, chip: &mut Chip, at: Nanos, takes: Nanos) {
         while self.moves(at) && self.words.len() < DEPTH {
             let (first, count) = self.lanes();
@@ -96,13 +96,13 @@ impl Fifo {
             self.words.push_back(u32::from_le_bytes(bytes));
             self.advance(count, takes);
         }
-        // A full FIFO holds the engine up.
+        // A full FIFO stalls the engine.
         if self.words.len() == DEPTH {
             self.next = self.next.max(at);
         }
     }
 
-    /// Empties the FIFO into the ESC's memory as far as it is time.
+    /// Empties the FIFO into the ESC's memory up to `at`.
     pub(super) fn drain(&mut self, chip: &mut Chip, at: Nanos, takes: Nanos) {
         while self.moves(at)
             && let Some(word) = self.words.pop_front()
@@ -116,7 +116,7 @@ impl Fifo {
         }
     }
 
-    /// Empties the FIFO at once. Nobody looks at the chip between two transactions, so nobody sees that it was quick.
+    /// Empties the FIFO at once. The driver cannot observe that between two transactions.
     pub(super) fn settle(&mut self, chip: &mut Chip) {
         let next = self.next;
         self.drain(chip, Nanos::MAX / 2, 0);
@@ -157,7 +157,7 @@ impl Fifo {
     }
 }
 
-/// What is read from an empty FIFO.
+/// The value read from an empty FIFO.
 pub(super) fn or_nothing(word: Result<u32, &'static str>) -> (u32, Result<(), &'static str>) {
     match word {
         Ok(word) => (word, Ok(())),

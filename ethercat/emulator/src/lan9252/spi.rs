@@ -1,4 +1,4 @@
-//! The SPI: instruction, address, then double words, as long as the select line is low.
+//! The SPI: instruction, address, then double words, while the select line is low.
 
 use std::cell::RefCell;
 use std::rc::Rc;
@@ -17,13 +17,13 @@ const ADDRESS: u16 = 0x3FFF;
 const INCREMENT: u16 = 0x4000;
 const DECREMENT: u16 = 0x8000;
 const NANOS_PER_SECOND: u64 = 1_000_000_000;
-/// What the line carries when nobody drives it.
+/// The level of an undriven line.
 const FLOATING: u8 = 0xFF;
 
 /// The processor's SPI, with the chip on its select line.
 pub struct Spi {
     device: Rc<RefCell<Device>>,
-    /// Time that has passed on the SPI beyond the microseconds of the clock.
+    /// Time passed on the SPI beyond the clock's whole microseconds.
     owed: Nanos,
 }
 
@@ -41,7 +41,7 @@ impl Spi {
         Self { device, owed: 0 }
     }
 
-    /// Lets time pass, in whole microseconds of the clock.
+    /// Lets time pass, in whole microseconds.
     async fn pass(&mut self, nanos: Nanos) {
         self.owed += nanos;
         if self.owed >= 1_000 {
@@ -61,7 +61,7 @@ impl Spi {
     }
 }
 
-/// Turns a bit if the faults say so.
+/// Flips a bit if faults demand it.
 fn flip(device: &mut Device, byte: u8) -> u8 {
     if device.faults.flipped == 0.0 || !device.random.chance(device.faults.flipped) {
         return byte;

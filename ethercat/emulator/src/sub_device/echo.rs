@@ -1,4 +1,4 @@
-//! Images that carry a number and can be told from torn ones, and an application that gives back what it gets.
+//! Images that carry a number and reveal tearing, and an application that echoes them.
 
 use std::cell::RefCell;
 use std::rc::Rc;
@@ -8,42 +8,42 @@ use ethercat_subdevice::coe::abort::Abort;
 
 use mobgate_world::random;
 
-/// An image of `bytes`, eight at least, that carries `sequence`; none of its bytes fits into another image.
+/// An image of at least eight `bytes` that carries `sequence`; none of its bytes fits another image.
 pub fn image(sequence: u64, bytes: usize) -> Vec<u8> {
     let words = (1..).map(|word| random::mix(sequence.wrapping_mul(31).wrapping_add(word)));
     std::iter::once(sequence).chain(words).flat_map(u64::to_le_bytes).take(bytes).collect()
 }
 
-/// The number of an image, if it is whole.
+/// The number of an image, if it is consistent.
 pub fn sequence(bytes: &[u8]) -> Option<u64> {
     let number = u64::from_le_bytes(*bytes.first_chunk()?);
     (image(number, bytes.len()) == bytes).then_some(number)
 }
 
-/// Gives outputs back as inputs, and keeps an account of them.
+/// Echoes outputs as inputs, and keeps statistics.
 #[derive(Debug, Default)]
 pub struct Echo {
     /// The number of the last outputs.
     pub last: Option<u64>,
-    /// How many images came.
+    /// Number of images.
     pub images: u64,
-    /// Images that were not whole.
+    /// Torn images.
     pub torn: u64,
-    /// Numbers that were left out.
+    /// Skipped numbers.
     pub lost: u64,
-    /// Images that came again.
+    /// Repeated images.
     pub again: u64,
-    /// Images that are older than one before.
+    /// Images older than a previous one.
     pub old: u64,
     /// How often outputs became invalid.
     pub stops: u64,
-    /// Whether outputs are valid now.
+    /// Whether outputs are valid.
     pub valid: bool,
-    /// Whether they are taken only when two readings agree.
+    /// Whether outputs need two equal reads.
     pub proves: bool,
 }
 
-/// An [`Echo`] that a test looks into.
+/// An [`Echo`] that a test can inspect.
 #[derive(Debug, Clone, Default)]
 pub struct SharedEcho(pub Rc<RefCell<Echo>>);
 

@@ -1,4 +1,4 @@
-//! What can go wrong between processor and chip, as the driver reports it; and an account of accesses.
+//! Bus faults between processor and chip, as the driver reports them; and access counters.
 
 use std::cell::{Cell, RefCell};
 use std::ops::RangeInclusive;
@@ -9,28 +9,28 @@ use ethercat_subdevice::esc::{Esc, EscError};
 
 use mobgate_world::random::Random;
 
-/// How probable it is that something happens to an access.
+/// Probabilities of access faults.
 #[derive(Debug, Clone)]
 pub struct BusFaults {
-    /// The bus fails, before the access or behind it.
+    /// The bus fails, before or after the access.
     pub failing: f64,
-    /// The chip is busy for too long.
+    /// The chip is busy beyond the timeout.
     pub stuck: f64,
-    /// The access takes longer.
+    /// The access is delayed.
     pub slow: f64,
-    /// By how many microseconds.
+    /// The delay in microseconds.
     pub slow_us: RangeInclusive<u64>,
 }
 
 impl BusFaults {
-    /// None.
+    /// No faults.
     pub const NONE: Self = Self { failing: 0.0, stuck: 0.0, slow: 0.0, slow_us: 0..=0 };
 }
 
-/// How long a chip is busy before a driver gives up.
+/// Busy time of a chip until a driver gives up.
 const STUCK_MILLIS: u64 = 2;
 
-/// Access to a chip that goes wrong now and then. A bus error can come before or behind what the access does to the chip.
+/// Access to a chip with occasional faults. A bus error may come before or after the access takes effect.
 pub struct Faulty<E> {
     esc: E,
     faults: Rc<RefCell<BusFaults>>,
@@ -38,7 +38,7 @@ pub struct Faulty<E> {
 }
 
 impl<E> Faulty<E> {
-    /// Access by `esc` with `faults` that `random` draws.
+    /// Access by `esc` with `faults` drawn from `random`.
     pub fn new(esc: E, faults: Rc<RefCell<BusFaults>>, random: Random) -> Self {
         Self { esc, faults, random }
     }
@@ -81,16 +81,16 @@ impl<E: Esc> Esc for Faulty<E> {
     }
 }
 
-/// How many accesses there were.
+/// Access counters.
 #[derive(Debug, Default)]
 pub struct Counts {
-    /// Looks at the event register.
+    /// Reads of the event register.
     pub events: Cell<u64>,
-    /// Reads that begin at the address that is watched.
+    /// Reads that start at the watched address.
     pub watched: Cell<u64>,
 }
 
-/// Access to a chip that is counted.
+/// Counted access to a chip.
 pub struct Counted<E> {
     esc: E,
     watched: u16,
@@ -103,7 +103,7 @@ impl<E> Counted<E> {
         Self { esc, watched: address, counts: Rc::default() }
     }
 
-    /// The counts, as they go on.
+    /// The shared counters.
     pub fn counts(&self) -> Rc<Counts> {
         self.counts.clone()
     }

@@ -1,4 +1,4 @@
-//! Access to a chip that takes its time: in pieces, with pauses between, in which frames may come.
+//! Slow access to a chip: in pieces with pauses, during which frames may arrive.
 
 use std::ops::RangeInclusive;
 
@@ -8,8 +8,8 @@ use ethercat_subdevice::esc::{Esc, EscError};
 use crate::registers::PROCESS_RAM;
 use mobgate_world::random::Random;
 
-/// Access by `E` with a random pause before every access. Process data memory is accessed in pieces of random length, with a
-/// pause before each.
+/// Access by `E` with a random pause before every access. Process data memory is accessed in pieces of random length, with a pause
+/// before each.
 pub struct Paced<E> {
     esc: E,
     random: Random,
@@ -17,12 +17,12 @@ pub struct Paced<E> {
 }
 
 impl<E> Paced<E> {
-    /// Access by `esc` with pauses from `pauses_us` that `random` draws.
+    /// Access by `esc` with pauses in `pauses_us` drawn from `random`.
     pub fn new(esc: E, random: Random, pauses_us: RangeInclusive<u64>) -> Self {
         Self { esc, random, pauses_us }
     }
 
-    /// Waits, and says how many of `left` bytes come next.
+    /// Waits, and returns how many of `left` bytes come next.
     async fn piece(&mut self, address: u16, left: usize) -> usize {
         let pause = self.random.within(self.pauses_us.clone());
         let length = if address < PROCESS_RAM { left } else { 1 + self.random.index(left.max(1)) };

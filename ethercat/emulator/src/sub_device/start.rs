@@ -1,4 +1,4 @@
-//! ethercrab starts a SubDevice, from Init to Op with the mapping that it reads by itself, and exchanges images with it.
+//! ethercrab starts a SubDevice, from Init to Op with the mapping that it discovers, and exchanges images with it.
 
 use std::cell::Cell;
 use std::rc::Rc;
@@ -26,23 +26,23 @@ use crate::master::{DATA_BYTES, Storage, main_device, pump};
 use crate::{Interrupt, Kind, SharedChip};
 use mobgate_world::{Random, World};
 
-/// On its way, there and back.
+/// Round trip of a frame.
 const FRAME_TIME: Duration = Duration::from_micros(50);
 /// Until the device has started its chip.
 const POWER_ON: Duration = Duration::from_millis(100);
-/// Between two exchanges of process data while Op is waited for.
+/// Cycle of process data while waiting for Op.
 const CYCLE: Duration = Duration::from_millis(1);
 /// Room for the longest images in both directions.
 const GROUP_BYTES: usize = 3072;
 
-/// One device and so many bytes of process data; ethercrab wants a power of two of devices, and more than one.
+/// One device and `BYTES` bytes of process data; ethercrab requires a power of two of devices above one.
 pub type Group<S, const BYTES: usize = 2048> = SubDeviceGroup<2, BYTES, ethercrab::DefaultLock, S>;
 
-/// A MainDevice in front of one SubDevice.
+/// A MainDevice for one SubDevice.
 pub struct Dispatcher<'m> {
     /// The MainDevice.
     pub master: &'m MainDevice<'m>,
-    /// The frames so far.
+    /// Number of frames so far.
     pub frames: Rc<Cell<u64>>,
 }
 
@@ -50,23 +50,23 @@ impl Dispatcher<'_> {
     /// From Init to PreOp.
     ///
     /// # Errors
-    /// What the MainDevice says.
+    /// Errors of the MainDevice.
     pub async fn to_pre_op(&self) -> Result<Group<PreOp>, Error> {
         self.to_pre_op_with().await
     }
 
-    /// The same with room for so many bytes of process data.
+    /// The same with `BYTES` bytes of process data.
     ///
     /// # Errors
-    /// What the MainDevice says.
+    /// Errors of the MainDevice.
     pub async fn to_pre_op_with<const BYTES: usize>(&self) -> Result<Group<PreOp, BYTES>, Error> {
         self.master.init_single_group(|| Instant::now().as_micros() * 1_000).await
     }
 
-    /// From PreOp to Op, with outputs that are an image with `number`.
+    /// From PreOp to Op, with the image `number` as outputs.
     ///
     /// # Errors
-    /// What the MainDevice says.
+    /// Errors of the MainDevice.
     pub async fn to_op<const BYTES: usize>(
         &self,
         group: Group<PreOp, BYTES>,
@@ -83,10 +83,11 @@ impl Dispatcher<'_> {
         Ok(group)
     }
 
-    /// One cycle: outputs with `number`; the number of the inputs, unless they are torn, and the working counter.
+    /// One cycle with the image `number` as outputs; returns the number of the inputs, unless they are torn, and the working
+    /// counter.
     ///
     /// # Errors
-    /// What the MainDevice says.
+    /// Errors of the MainDevice.
     pub async fn exchange<const BYTES: usize>(
         &self,
         group: &Group<Op, BYTES>,
@@ -101,15 +102,15 @@ impl Dispatcher<'_> {
     }
 }
 
-/// A cable without faults in front of the line.
+/// A cable without faults in front of `line`.
 pub fn cable(line: SharedSegment) -> Cable {
     Cable::new(line, FRAME_TIME)
 }
 
-/// Puts a MainDevice at the cable, and lets it do as `script` says.
+/// Connects a MainDevice to the cable, and runs `script`.
 ///
 /// # Panics
-/// When what the script waits for never comes.
+/// If the script waits for something that never happens.
 pub fn with_master<T>(
     world: &mut World<'_>,
     cable: Cable,
@@ -123,10 +124,10 @@ pub fn with_master<T>(
     world.run_until(at_cable(cable, |pdu_loop| main_device(pdu_loop, 0), script))
 }
 
-/// A MainDevice that `make` makes, at the cable, does as `script` says.
+/// Connects a MainDevice made by `make` to the cable, and runs `script`.
 ///
 /// # Panics
-/// Never: the memory for its frames is its own.
+/// Never: it owns its frame storage.
 pub async fn at_cable<T>(
     cable: Cable,
     make: impl FnOnce(PduLoop<'_>) -> MainDevice<'_>,
@@ -142,21 +143,21 @@ pub async fn at_cable<T>(
     }
 }
 
-/// What a start took.
+/// The cost of a start-up.
 #[derive(Debug, Clone, Copy)]
 pub struct StartUp {
     /// From the first frame until Op was seen.
     pub time: Duration,
-    /// Mailbox requests that were answered.
+    /// Mailbox requests answered.
     pub round_trips: u64,
     /// Frames.
     pub frames: u64,
 }
 
-/// Starts `device`, whose chip is reached by what `reach` makes.
+/// Starts `device`; `reach` makes the access to its chip.
 ///
 /// # Errors
-/// What the MainDevice says.
+/// Errors of the MainDevice.
 pub fn start_up<E: Esc + 'static>(
     device: &'static Device,
     reach: impl FnOnce(SharedChip) -> (E, Interrupt),
@@ -176,22 +177,22 @@ pub fn start_up<E: Esc + 'static>(
     })
 }
 
-/// What cycles cost on the SPI.
+/// Cost of cycles on the SPI.
 #[derive(Debug, Clone, Copy)]
 pub struct SpiCost {
-    /// The most that nine of ten cost.
+    /// The 90th percentile.
     pub usual: Traffic,
-    /// The most.
+    /// The maximum.
     pub worst: Traffic,
 }
 
-/// What a cycle of process data in Op costs on the SPI of a LAN9252 when inputs are given with each outputs: the SubDevice as boards
-/// run it, which looks at events as well. `proves` as in [`Application::proves_outputs`].
+/// The SPI cost of a process data cycle in Op on a LAN9252, with inputs written after each outputs: the SubDevice as boards run it,
+/// which also reads events. `proves` as in [`Application::proves_outputs`].
 ///
 /// [`Application::proves_outputs`]: ethercat_subdevice::application::Application::proves_outputs
 ///
 /// # Errors
-/// What the MainDevice says.
+/// Errors of the MainDevice.
 pub fn spi_traffic(device: &'static Device, cycles: u64, proves: bool) -> Result<SpiCost, Error> {
     let mut world = World::new(1);
     let line = line_of(device);
@@ -225,34 +226,34 @@ pub fn spi_traffic(device: &'static Device, cycles: u64, proves: bool) -> Result
     })
 }
 
-/// How images fared on an SPI, cycle by cycle at once.
+/// Results of an exchange over SPI at the shortest cycle.
 #[derive(Debug, Clone, Copy)]
 pub struct AtPace {
-    /// What a cycle costs.
+    /// Cost of a cycle.
     pub cost: CycleCost,
-    /// The shortest cycle in which none is missed, as the device promises it.
+    /// The shortest cycle without missed images, as the device reports it.
     pub promised_ns: u32,
-    /// How images fared.
+    /// Results of the images.
     pub exchanged: Exchanged,
-    /// How often the device says that outputs came before those before them were taken.
+    /// Missed outputs, as the device reports them.
     pub missed: u16,
 }
 
-/// How images fared.
+/// Results of exchanged images.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Exchanged {
-    /// Cycles without the working counter that is expected.
+    /// Cycles with an unexpected working counter.
     pub short: u64,
-    /// Outputs that were left out.
+    /// Skipped outputs.
     pub lost: u64,
-    /// Outputs or inputs that were torn, or older than the ones before.
+    /// Torn or outdated outputs or inputs.
     pub wrong: u64,
 }
 
-/// Exchanges images with `device` over an SPI at `spi_hz`, in a cycle of `percent` of the shortest that it promises.
+/// Exchanges images with `device` over SPI at `spi_hz`, with a cycle of `percent` of the shortest that it reports.
 ///
 /// # Errors
-/// What the MainDevice says.
+/// Errors of the MainDevice.
 pub fn exchange_at_pace(
     device: &'static Device,
     spi_hz: u32,
@@ -300,16 +301,16 @@ pub fn exchange_at_pace(
     Ok(AtPace { cost, promised_ns, exchanged, missed })
 }
 
-/// Exchanges images with `device` in Op, once a millisecond, while its processor works in pieces of random length with random
-/// pauses up to `pause_us` between them.
+/// Exchanges images with `device` in Op, once per millisecond, while its processor works in pieces of random length with random
+/// pauses up to `pause_us`.
 ///
 /// # Errors
-/// What the MainDevice says.
+/// Errors of the MainDevice.
 pub fn exchange_images(device: &'static Device, cycles: u64, pause_us: u64) -> Result<Exchanged, Error> {
     exchange_images_on::<OUTPUTS_BYTES, INPUTS_BYTES>(Kind::LAN9252, device, cycles, pause_us)
 }
 
-/// The same on another chip, and with a SubDevice that has buffers for so many bytes of outputs and of inputs.
+/// The same on another chip, and with a SubDevice with buffers for `OUTPUTS` and `INPUTS` bytes.
 ///
 /// # Errors
 /// As above.
@@ -341,13 +342,13 @@ pub fn exchange_images_on<const OUTPUTS: usize, const INPUTS: usize>(
         Ok::<_, Error>(exchanged)
     })?;
     let echo = echo.0.borrow();
-    // The first image is sent again until Op is reached, and once taken from SafeOp.
+    // The first image is repeated until Op is reached, and is taken once from SafeOp.
     exchanged.lost = echo.lost + cycles + 1 - echo.last.unwrap_or(0);
     exchanged.wrong += echo.torn;
     Ok(exchanged)
 }
 
-/// What the counters of the frames add up to in which ethercrab exchanges process data, inputs first.
+/// The expected sum of the working counters of ethercrab's process data frames, inputs first.
 fn working_counter(device: &Device) -> u16 {
     let inputs = usize::from(device.default_bytes(Channel::Inputs));
     let bytes = inputs + usize::from(device.default_bytes(Channel::Outputs));

@@ -1,4 +1,4 @@
-//! Why an SDO transfer was aborted.
+//! Reasons to abort an SDO transfer.
 
 /// The abort code of an SDO transfer (ETG.1000.6, table 41).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -6,48 +6,48 @@
 pub enum Abort {
     /// A segment has the wrong toggle bit.
     Toggle = 0x0503_0000,
-    /// A command that does not exist, or that nothing is open for.
+    /// An unknown command, or one that needs an open transfer.
     UnknownCommand = 0x0504_0001,
-    /// The object is too large to be kept.
+    /// The object is too large for the buffer.
     OutOfMemory = 0x0504_0005,
     /// The access is not supported.
     UnsupportedAccess = 0x0601_0000,
-    /// The entry can be written only.
+    /// The entry is write-only.
     WriteOnly = 0x0601_0001,
-    /// The entry can be read only.
+    /// The entry is read-only.
     ReadOnly = 0x0601_0002,
     /// Sub-index 0 must be set to 0 first.
     CountNotZero = 0x0601_0003,
-    /// The object cannot be accessed completely.
+    /// The object does not support complete access.
     NoCompleteAccess = 0x0601_0004,
-    /// There is no such object.
+    /// No such object.
     NoObject = 0x0602_0000,
     /// It cannot be mapped into the PDO.
     NotMappable = 0x0604_0041,
-    /// The PDOs are longer than the process data may be.
+    /// The PDOs exceed the process data size.
     PdoLength = 0x0604_0042,
-    /// The parameters do not fit each other.
+    /// The parameters are incompatible.
     Incompatible = 0x0604_0043,
-    /// The length is not what was announced.
+    /// The length differs from the announced one.
     LengthMismatch = 0x0607_0010,
-    /// More bytes than the entry has.
+    /// Longer than the entry.
     TooLong = 0x0607_0012,
-    /// Fewer bytes than the entry has.
+    /// Shorter than the entry.
     TooShort = 0x0607_0013,
-    /// There is no such sub-index.
+    /// No such sub-index.
     NoEntry = 0x0609_0011,
-    /// A value that is not allowed.
+    /// Invalid value.
     Range = 0x0609_0030,
-    /// A value that is too great.
+    /// Value too great.
     TooGreat = 0x0609_0031,
-    /// A value that is too small.
+    /// Value too small.
     TooSmall = 0x0609_0032,
-    /// For none of the other reasons.
+    /// Any other reason.
     General = 0x0800_0000,
-    /// It cannot be stored.
+    /// The value cannot be stored.
     NotStored = 0x0800_0020,
-    /// Because of local control.
+    /// Refused because of local control.
     LocalControl = 0x0800_0021,
-    /// Not in this state.
+    /// Not possible in this state.
     State = 0x0800_0022,
 }

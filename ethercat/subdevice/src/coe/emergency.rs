@@ -1,4 +1,4 @@
-//! Emergencies: an error or its end, said once without being asked (ETG.1000.6, clause 5.6.4).
+//! Emergencies: unsolicited messages about an error or its end (ETG.1000.6, clause 5.6.4).
 
 use super::service::Service;
 use crate::al_state::AlStatusCode;
@@ -11,7 +11,7 @@ pub enum Cause {
     SafeOpRefused,
     /// Op was refused.
     OpRefused,
-    /// Process data stopped or were set up anew while they were in use.
+    /// Process data stopped or were reconfigured while in use.
     ProcessDataLost,
 }
 
@@ -31,14 +31,14 @@ impl Cause {
     }
 }
 
-/// An error, or that it is over, as an application tells it.
+/// An error, or its end, as an application reports it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Emergency {
-    /// The error code (CiA 301, 7.2.7.1); 0: what was wrong is over.
+    /// The error code (CiA 301, 7.2.7.1); 0: the error has ended.
     pub code: u16,
     /// The error register.
     pub register: u8,
-    /// The manufacturer's bytes.
+    /// Manufacturer-specific bytes.
     pub data: [u8; 5],
 }
 
@@ -52,7 +52,7 @@ impl Emergency {
 /// Error register: bit 0 generic, bit 4 communication.
 const ERROR_REGISTER: u8 = 0x11;
 
-/// Errors to be reported: one message for each cause, however often it comes before it was sent.
+/// Errors to report: one message per cause, even if it occurs repeatedly before it is sent.
 #[derive(Debug, Default)]
 pub struct Emergencies {
     pending: u8,
@@ -62,7 +62,7 @@ pub struct Emergencies {
 }
 
 impl Emergencies {
-    /// Something went wrong, and led to `code`.
+    /// Records an error, and the AL status code that it led to.
     pub fn raise(&mut self, cause: Cause, code: AlStatusCode) {
         self.pending |= cause.bit();
         self.code = code as u16;
@@ -93,7 +93,7 @@ impl Emergencies {
     }
 }
 
-/// The manufacturer's five bytes begin with the AL status code.
+/// The AL status code comes first in the five manufacturer-specific bytes.
 fn message(code: u16, register: u8, al_status_code: u16) -> Payload {
     let [low, high] = al_status_code.to_le_bytes();
     Emergency { code, register, data: [low, high, 0, 0, 0] }.message()

@@ -1,7 +1,7 @@
-//! SDO information: which objects there are, and what they are like (ETG.1000.6, clause 5.6.3).
+//! SDO information: lists and describes objects (ETG.1000.6, clause 5.6.3).
 //!
-//! An answer that is longer than the mailbox goes out in fragments, each built when there is room for it. A list is not kept: its
-//! rest is found in the table when the next fragment is built, so it may have any length.
+//! A response longer than the mailbox goes out in fragments, each built when there is room for it. A list is not stored: each
+//! fragment looks up its part in the table, so a list may have any length.
 
 use core::fmt::Write;
 
@@ -15,46 +15,46 @@ use crate::dictionary::Dictionary;
 use crate::mailbox::{MailboxError, Payload};
 use crate::object::{Access, Entries, Entry, Object};
 
-/// Bytes of the header in front of each message: operation, reserved, fragments left.
+/// Bytes of each message's header: operation, reserved, fragments left.
 const HEADER_BYTES: usize = 4;
 const INCOMPLETE: u8 = 1 << 7;
 
 const LIST: u8 = 1;
 const OBJECT: u8 = 3;
 const ENTRY: u8 = 5;
-/// An answer's operation is its request's and one more.
+/// A response's operation is that of its request plus one.
 const ANSWER: u8 = 1;
 const ERROR: u8 = 7;
 
-/// Which values an entry's description brings along.
+/// The values that an entry's description includes.
 mod value_info {
     pub(super) const DEFAULT: u8 = 1 << 4;
     pub(super) const LEAST: u8 = 1 << 5;
     pub(super) const GREATEST: u8 = 1 << 6;
 }
 
-/// The lists of objects, by number.
+/// Number of lists.
 const LISTS: u16 = 5;
 
-/// Bytes of a description at most: its numbers, and a name of more than a hundred letters.
+/// Most bytes of a description: its numbers, and a name of more than a hundred letters.
 const DESCRIPTION_BYTES_MAX: usize = 160;
 
-/// The answer that is being sent.
+/// The response being sent.
 #[derive(Debug, Default)]
 pub struct Information {
     operation: u8,
-    /// A description, or what comes in front of a list.
+    /// A description, or the start of a list.
     answer: Vec<u8, DESCRIPTION_BYTES_MAX>,
     sent: usize,
     list: Rest,
 }
 
-/// The objects of a list that have not been sent.
+/// The objects of a list not sent yet.
 #[derive(Debug, Default)]
 struct Rest {
     list: u16,
     count: usize,
-    /// They stand from this index on.
+    /// Index to continue from.
     from: u16,
 }
 
@@ -67,7 +67,7 @@ impl Rest {
     fn next<A: Application>(&mut self, catalogue: &Catalogue<'_, A>) -> Option<u16> {
         let object = catalogue.objects_from(self.from).find(|object| is_listed(object, self.list));
         let Some(object) = object.filter(|_| self.count > 0) else {
-            // Modules may have gone meanwhile.
+            // Modules may have been removed meanwhile.
             self.count = 0;
             return None;
         };
@@ -76,7 +76,7 @@ impl Rest {
     }
 }
 
-/// Why there is no description.
+/// Why a request failed.
 enum Refusal {
     Malformed,
     Abort(Abort),
@@ -89,7 +89,7 @@ impl From<Abort> for Refusal {
 }
 
 impl Information {
-    /// Takes a request and builds its answer.
+    /// Takes a request and builds its response.
     pub(super) fn request<A: Application>(
         &mut self,
         body: &[u8],
@@ -141,7 +141,7 @@ impl Information {
         }
     }
 
-    /// The objects of a list, or for list 0 how many each list has.
+    /// The objects of a list; list 0 is the number of objects in each list.
     fn list<A: Application>(&mut self, catalogue: &Catalogue<'_, A>, list: u16) -> Result<(), Refusal> {
         if list > LISTS {
             return Err(Abort::UnsupportedAccess.into());
@@ -184,7 +184,7 @@ impl Information {
         self.answer.extend_from_slice(bytes).map_err(|_| Refusal::Abort(Abort::OutOfMemory))
     }
 
-    /// Bytes that have not been sent.
+    /// Number of unsent bytes.
     fn left(&self) -> usize {
         self.answer.len() - self.sent + 2 * self.list.count
     }
@@ -203,7 +203,7 @@ impl Information {
         if !self.is_responding() {
             return None;
         }
-        // An even number, so that no index of a list is cut in two.
+        // An even number, so that no index of a list is split.
         let data_max = (room - HEADER_BYTES) & !1;
         let rest = self.answer.get(self.sent..).unwrap_or_default();
         let described = rest.get(..data_max).unwrap_or(rest);
@@ -211,7 +211,7 @@ impl Information {
         self.sent += described.len();
         let indices = core::iter::from_fn(|| self.list.next(catalogue));
         for index in indices.take((data_max - data.len()) / 2) {
-            // A fragment is no longer than the mailbox, which is a payload's capacity at most.
+            // A fragment fits the mailbox, and thus the payload.
             let _ = data.extend_from_slice(&index.to_le_bytes());
         }
         let left = self.left().div_ceil(data_max);
@@ -221,7 +221,7 @@ impl Information {
     }
 }
 
-/// Whether an object belongs to a list: all, mappable into RxPDOs, into TxPDOs, kept over power-off, settings for the start.
+/// Whether an object belongs to a list: all, mappable to RxPDOs, to TxPDOs, stored at power-off, start-up settings.
 fn is_listed(object: &Object, list: u16) -> bool {
     const BACKUP: Access = Access(0x0100);
     let wanted = match list {
@@ -233,7 +233,7 @@ fn is_listed(object: &Object, list: u16) -> bool {
         _ => return false,
     };
     match object.entries {
-        // They are all alike.
+        // All entries have the same rights.
         Entries::Variable(entry) | Entries::Array(_, entry) | Entries::Constants(_, entry) => {
             entry.access.any(wanted)
         }

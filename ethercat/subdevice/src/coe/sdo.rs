@@ -1,4 +1,4 @@
-//! The SDO server: reads and writes of objects, in one message or in segments (ETG.1000.6, clause 5.6.2).
+//! The SDO server: reads and writes objects, in one message or in segments (ETG.1000.6, clause 5.6.2).
 
 use super::abort::Abort;
 use super::service::Service;
@@ -6,9 +6,9 @@ use crate::application::{Address, Application};
 use crate::dictionary::{Bytes, Dictionary, OBJECT_BYTES_MAX, Target};
 use crate::mailbox::Payload;
 
-/// Bytes of an SDO without data behind it.
+/// Bytes of an SDO without following data.
 const SDO_BYTES: usize = 8;
-/// Bytes of data in a segment at least, however few of them are used.
+/// Least data bytes in a segment, used or not.
 const SEGMENT_BYTES_MIN: usize = SDO_BYTES - 1;
 
 const COMPLETE: u8 = 1 << 4;
@@ -16,23 +16,23 @@ const TOGGLE: u8 = 1 << 4;
 const EXPEDITED: u8 = 1 << 1;
 const SIZE_INDICATED: u8 = 1 << 0;
 const LAST: u8 = 1 << 0;
-/// The answers to a download, and to a segment of one.
+/// Responses to a download, and to a segment of one.
 const DOWNLOADED: u8 = 0x60;
 const SEGMENT_DOWNLOADED: u8 = 0x20;
 
-/// A request: its first eight bytes, and what is behind them.
+/// A request: its first eight bytes, and the rest.
 type Request<'a> = (&'a [u8; SDO_BYTES], &'a [u8]);
 
-/// The one transfer that may be open.
+/// The server with at most one open transfer.
 #[derive(Debug, Default)]
 pub struct SdoServer {
     open: Option<Transfer>,
     bytes: Bytes,
-    /// A write that the application has not ended yet.
+    /// A write in progress in the application.
     writing: Option<Writing>,
 }
 
-/// Where something was written, and the command of its answer.
+/// The written entry, and the command of the response.
 #[derive(Debug, Clone, Copy)]
 struct Writing {
     at: Address,
@@ -48,14 +48,14 @@ struct Transfer {
 
 #[derive(Debug, Clone, Copy)]
 enum Kind {
-    /// So many bytes were sent.
+    /// Bytes sent so far.
     Upload(usize),
-    /// So many bytes were announced.
+    /// Bytes announced.
     Download(usize),
 }
 
 impl SdoServer {
-    /// Answers a request, in `room` bytes at most.
+    /// Handles a request; the response has at most `room` bytes.
     pub(super) fn request<A: Application>(
         &mut self,
         request: Request<'_>,
@@ -71,7 +71,7 @@ impl SdoServer {
             1 => (named, self.download(target, request, dictionary)),
             2 => (named, self.upload(target, dictionary, room)),
             3 => (open, self.upload_segment(command, room)),
-            // The client aborts; that is not answered.
+            // The client's abort gets no response.
             4 => {
                 self.open = None;
                 return None;
@@ -88,12 +88,12 @@ impl SdoServer {
         }
     }
 
-    /// Whether the application has not ended a write yet.
+    /// Whether a write is in progress in the application.
     pub(super) fn is_writing(&self) -> bool {
         self.writing.is_some()
     }
 
-    /// The answer to the write, if the application has ended it.
+    /// The response to the write, once the application has completed it.
     pub(super) fn written(&mut self, application: &mut impl Application) -> Option<Payload> {
         let Writing { at, command } = self.writing?;
         let outcome = application.written()?;
@@ -111,7 +111,7 @@ impl SdoServer {
         dictionary: &mut Dictionary<'_, A>,
         room: usize,
     ) -> Result<Payload, Abort> {
-        // A new transfer ends an open one without a word.
+        // A new transfer silently replaces an open one.
         self.open = None;
         self.bytes = dictionary.read(target)?;
         let size = self.bytes.len();
@@ -198,7 +198,7 @@ impl SdoServer {
         if toggle != (command & TOGGLE != 0) {
             return Err(Abort::Toggle);
         }
-        // Only the shortest message has bytes that do not count.
+        // Only the shortest message may have unused bytes.
         let unused = if behind.is_empty() { usize::from(command >> 1 & 7) } else { 0 };
         self.append(first.get(..SEGMENT_BYTES_MIN - unused).unwrap_or_default(), announced)?;
         self.append(behind, announced)?;
@@ -236,7 +236,7 @@ fn downloaded_segment(command: u8) -> Payload {
     Service::SdoResponse.message(&[&[command], &[0; SEGMENT_BYTES_MIN]])
 }
 
-/// An abort goes out as a request: it may come from either side.
+/// An abort has the service of a request, as either side may send it.
 fn aborted(at: Address, abort: Abort) -> Payload {
     let [low, high] = at.index.to_le_bytes();
     Service::SdoRequest.message(&[&[0x80, low, high, at.sub], &(abort as u32).to_le_bytes()])

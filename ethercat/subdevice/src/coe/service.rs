@@ -2,7 +2,7 @@
 
 use crate::mailbox::Payload;
 
-/// The service of a message; the number stands in bits 15:12 of the header.
+/// The service of a message, in bits 15:12 of the header.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
 pub(super) enum Service {
@@ -13,11 +13,11 @@ pub(super) enum Service {
 }
 
 impl Service {
-    /// A message of this service.
+    /// Builds a message of this service.
     pub(super) fn message(self, parts: &[&[u8]]) -> Payload {
         let mut payload = Payload::new();
         let header = u16::from(self as u8) << 12;
-        // Callers cut their data to the mailbox's size, which is a payload's capacity at most.
+        // Callers limit their data to the mailbox's size, which never exceeds the payload's capacity.
         let mut kept = payload.extend_from_slice(&header.to_le_bytes());
         for part in parts {
             kept = kept.and_then(|()| payload.extend_from_slice(part));

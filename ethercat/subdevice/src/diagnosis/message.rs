@@ -1,26 +1,26 @@
-//! A message of the diagnosis history, and the text that it names.
+//! A message of the diagnosis history, and its text.
 
-/// Bytes that a message carries for its text at most.
+/// Most bytes of parameters in a message.
 pub const PARAMETERS_MAX: usize = 3;
-/// Bytes of a message as it is read.
+/// Bytes of a message as read from the object.
 pub const MESSAGE_BYTES: usize = 16 + 3 * PARAMETERS_MAX;
 
-/// Codes of manufacturers: the number of the text stands in the high word.
+/// Manufacturer-specific codes, with the text's number in the high word.
 const MANUFACTURER_CODE: u16 = 0xe000;
-/// A message's flags: its time is local.
+/// Message flag: local time stamp.
 const LOCAL_TIME: u16 = 1 << 4;
-/// A parameter is an unsigned number of 8 bits.
+/// Parameter type: unsigned 8-bit number.
 const PARAMETER_U8: u16 = 0x0005;
 
-/// How grave a message is.
+/// Severity of a message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Severity {
-    /// Something to know.
+    /// For information.
     Information = 0,
-    /// Something to look after.
+    /// Needs attention.
     Warning = 1,
-    /// Something is wrong.
+    /// Faulty.
     Error = 2,
 }
 
@@ -29,7 +29,7 @@ pub enum Severity {
 pub struct Text {
     /// Its number; not 0.
     pub id: u16,
-    /// How grave it is.
+    /// Its severity.
     pub severity: Severity,
     /// The emergency's error code (CiA 301, 7.2.7.1).
     pub emergency: u16,
@@ -37,13 +37,13 @@ pub struct Text {
     pub text: &'static str,
 }
 
-/// A message that is kept; without a text there is none.
+/// A stored message; unused if its text is 0.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Message {
     pub(super) time_us: u64,
     pub(super) text: u16,
     pub(super) emergency: u16,
-    /// The severity, and in the high nibble how many parameters there are: a board has little room for 20 of these.
+    /// The severity, and in the high nibble the number of parameters: packed, as a board has little room for 20 messages.
     kind: u8,
     pub(super) parameters: [u8; PARAMETERS_MAX],
 }

@@ -1,4 +1,4 @@
-//! Complete access that writes: all of an object's values, or none of them.
+//! Writes by complete access: all of an object's values, or none.
 
 use super::Dictionary;
 use crate::application::{Address, Application};
@@ -7,10 +7,11 @@ use crate::coe::abort::Abort;
 use crate::object::{Access, DataType, Entries, Object};
 
 impl<A: Application> Dictionary<'_, A> {
-    /// Writes all entries from `first` on: every value is checked before the first is written. A count that is sent along must
-    /// be the object's; a list of settings may be shorter, and those behind it are then as after power-on. (No object has both entries of the stack's, which can still refuse, and others that can be written.)
+    /// Writes all entries from `first` on: every value is checked before the first is written. A count in the data must match the
+    /// object; a list of settings may be shorter, and its remaining entries return to their defaults. (No object mixes entries kept
+    /// by the stack, which can still refuse, with other writable ones.)
     pub(super) fn write_complete(&mut self, object: &Object, first: u8, bytes: &[u8]) -> Result<(), Abort> {
-        // Bits are packed; nobody needs to write them so.
+        // Bits are packed in a complete access; writing them that way is not supported.
         let is_bit = |sub| object.entry(sub).is_some_and(|entry| entry.data_type == DataType::Bool);
         if (1..=object.sub_max()).any(is_bit) {
             return Err(Abort::NoCompleteAccess);
@@ -48,7 +49,7 @@ impl<A: Application> Dictionary<'_, A> {
         Ok(())
     }
 
-    /// Writes a PDO assignment as a whole. From sub-index 1 on, the count is how many values there are.
+    /// Writes a PDO assignment as a whole. From sub-index 1 on, the number of values is the count.
     pub(super) fn assign(&mut self, at: Address, bytes: &[u8]) -> Result<(), Abort> {
         let mut values = bytes;
         if at.sub == 0 {
@@ -68,7 +69,7 @@ impl<A: Application> Dictionary<'_, A> {
     }
 }
 
-/// Whether an object is a list of settings, of numbers.
+/// Whether an object is a list of numeric settings.
 fn may_be_shorter(object: &Object) -> bool {
     match object.entries {
         Entries::Array(_, entry) => entry.data_type.is_number() && entry.access.any(Access::SETTING),

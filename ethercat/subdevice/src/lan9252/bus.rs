@@ -9,18 +9,18 @@ const READ: u8 = 0x03;
 const FAST_READ: u8 = 0x0B;
 const INCREMENT: u16 = 0x4000;
 const DECREMENT: u16 = 0x8000;
-/// Bytes of a stream that is for nobody: more than the longest image.
+/// Bytes of a dummy stream: more than the longest image.
 pub(super) const STREAM_BYTES: usize = 640;
-/// What fills a double word around the bytes that count.
+/// Fills a double word around the data bytes.
 const PAD: [u8; 3] = [0; 3];
 
-/// The SPI and how fast it is.
+/// The SPI and its speed class.
 pub(super) struct Bus<SPI> {
     spi: SPI,
     fast: bool,
 }
 
-/// The bytes before and behind `bytes` that complete its double words, when the first one lies in byte lane `lane`.
+/// The padding before and after `bytes` to whole double words, if the first byte is in lane `lane`.
 fn pads(lane: usize, bytes: usize) -> (usize, usize) {
     (lane, (lane + bytes).wrapping_neg() % 4)
 }
@@ -37,7 +37,7 @@ impl<SPI: SpiDevice> Bus<SPI> {
         Ok(u32::from_le_bytes(word))
     }
 
-    /// Reads `register` and the one behind it.
+    /// Reads `register` and the next one.
     pub(super) async fn read_up(&mut self, register: u16) -> Result<(u32, u32), EscError> {
         self.read_two(register | INCREMENT).await
     }
@@ -54,7 +54,7 @@ impl<SPI: SpiDevice> Bus<SPI> {
         Ok((u32::from_le_bytes([a, b, c, d]), u32::from_le_bytes([e, f, g, h])))
     }
 
-    /// Reads bytes of which the first lies in byte lane `lane` of a double word.
+    /// Reads bytes, the first in byte lane `lane` of a double word.
     pub(super) async fn read_bytes(
         &mut self,
         address: u16,
@@ -73,7 +73,7 @@ impl<SPI: SpiDevice> Bus<SPI> {
         self.spi.transaction(&mut operations).await.map_err(|_| EscError::Bus)
     }
 
-    /// Reads `register` and the three behind it.
+    /// Reads `register` and the next three.
     pub(super) async fn read_four(&mut self, register: u16) -> Result<[u32; 4], EscError> {
         let mut bytes = [0; 16];
         self.read_bytes(register | INCREMENT, 0, &mut bytes).await?;
@@ -81,7 +81,7 @@ impl<SPI: SpiDevice> Bus<SPI> {
         Ok([(); 4].map(|()| words.next().unwrap_or_default()))
     }
 
-    /// Clocks [`STREAM_BYTES`] through `address`, of which nobody has any use: read if it `reads`, else zeros written.
+    /// Transfers [`STREAM_BYTES`] dummy bytes through `address`: discarded if it `reads`, otherwise zeros.
     pub(super) async fn stream(&mut self, reads: bool, address: u16) -> Result<(), EscError> {
         const ZEROS: [u8; STREAM_BYTES / 8] = [0; STREAM_BYTES / 8];
         let [high, low] = address.to_be_bytes();
@@ -109,7 +109,7 @@ impl<SPI: SpiDevice> Bus<SPI> {
         self.write_bytes(register, 0, &word.to_le_bytes()).await
     }
 
-    /// Writes `register` and the two behind it.
+    /// Writes `register` and the next two.
     pub(super) async fn write_three(&mut self, register: u16, words: [u32; 3]) -> Result<(), EscError> {
         let mut bytes = [0; 12];
         bytes
@@ -121,13 +121,13 @@ impl<SPI: SpiDevice> Bus<SPI> {
         self.write_bytes(register | INCREMENT, 0, &bytes).await
     }
 
-    /// Writes `register` and the one behind it.
+    /// Writes `register` and the next one.
     pub(super) async fn write_up(&mut self, register: u16, first: u32, second: u32) -> Result<(), EscError> {
         let both = u64::from(second) << 32 | u64::from(first);
         self.write_bytes(register | INCREMENT, 0, &both.to_le_bytes()).await
     }
 
-    /// Writes bytes of which the first lies in byte lane `lane` of a double word.
+    /// Writes bytes, the first in byte lane `lane` of a double word.
     pub(super) async fn write_bytes(
         &mut self,
         address: u16,

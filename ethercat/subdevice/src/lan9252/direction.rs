@@ -1,17 +1,17 @@
-//! What is known of an engine that moves process data in one direction.
+//! The state of an engine that moves process data in one direction.
 
 /// One of the two engines.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Direction {
-    /// Where its FIFO is.
+    /// Address of its FIFO.
     pub(super) port: u16,
-    /// Its address and length register; the command register is right behind.
+    /// Its address and length register; the command register follows.
     pub(super) place: u16,
-    /// A transfer is under way: its future was dropped, or it failed.
+    /// A transfer is unfinished: its future was dropped, or it failed.
     pub(super) open: bool,
-    /// So many transfers in a row were not finished in time.
+    /// Number of successive transfers that timed out.
     pub(super) stuck: u8,
-    /// Whether the level of the FIFO must be watched.
+    /// Whether the FIFO's level must be polled.
     pub(super) watched: bool,
 }
 

@@ -1,9 +1,9 @@
 //! The engines that move process data through FIFOs of sixteen double words.
 //!
-//! A transfer is streamed through its FIFO in one transaction, however long it is, where the engine has shown that it is no slower than the SPI:
-//! at 30 MHz a double word takes a microsecond there. It shows that after each reset, before anybody has use for the memory.
-//! Else the FIFO's level is watched. That all was moved is proved behind every transfer: had the engine not kept up, it would
-//! still have something to move, and from then on it would be watched.
+//! A transfer of any length streams through its FIFO in one transaction if the engine has proved that it keeps up with the SPI: at
+//! 30 MHz a double word takes a microsecond. It proves that after each reset, before the memory is in use. Otherwise the FIFO's
+//! level is polled. Every transfer ends with a completion check: an engine that had not kept up would still be busy, and from then
+//! on it would be polled.
 
 use embedded_hal_async::spi::SpiDevice;
 
@@ -14,15 +14,15 @@ use super::{AL_EVENT, Lan9252, PROCESS_RAM};
 use crate::esc::EscError;
 
 const ABORT: u32 = 1 << 30;
-/// After so many transfers in a row that were not finished in time the chip is reset.
+/// Successive timeouts until the chip is reset.
 const STUCK_MAX: u8 = 2;
 
-/// Double words that wait, or for which there is room, in a command register.
+/// Number of filled or free double words in a command register.
 fn count(status: u32) -> usize {
     (status >> 8 & 0x1F) as usize
 }
 
-/// How many of `left` bytes fit into `words` double words when the first lies in byte lane `lane`.
+/// How many of `left` bytes fit into `words` double words if the first is in byte lane `lane`.
 fn fitting(words: usize, lane: usize, left: usize) -> usize {
     (words * 4).saturating_sub(lane).min(left)
 }
@@ -80,7 +80,7 @@ impl<SPI: SpiDevice> Lan9252<SPI> {
         self.finish(engine, address, length).await
     }
 
-    /// Streams something in either direction, to no effect: whether the engines keep up. For a chip that was just reset.
+    /// Streams dummy data in both directions to find out whether the engines keep up. For a chip just reset.
     pub(super) async fn try_engines(&mut self) -> Result<(), EscError> {
         self.reading.watched = !self.keeps_up(Direction::READ).await?;
         self.writing.watched = !self.keeps_up(Direction::WRITE).await?;
@@ -97,8 +97,7 @@ impl<SPI: SpiDevice> Lan9252<SPI> {
         }
     }
 
-    /// Reads the AL events and, right behind them, process data memory. Nothing comes back when something of it reads back as
-    /// something else than what was meant: what was read may be lost then.
+    /// Reads the AL events and then process data memory. `None` if a read-back is wrong; the data may be lost then.
     pub(super) async fn read_with_events(
         &mut self,
         address: u16,
@@ -107,7 +106,7 @@ impl<SPI: SpiDevice> Lan9252<SPI> {
         let engine = self.reading;
         let command = command(AL_EVENT, 4, READ);
         (self.register_open, self.reading.open) = (true, true);
-        // The registers' engine is done with four bytes before the SPI has brought the other's command.
+        // The register engine completes four bytes before the SPI has transferred the other engine's command.
         self.bus.write_three(COMMAND, [command, place(address, into.len()), BUSY]).await?;
         self.bus.read_bytes(engine.port, usize::from(address % 4), into).await?;
         for _ in 0..POLLS_MAX {
@@ -124,13 +123,13 @@ impl<SPI: SpiDevice> Lan9252<SPI> {
         Ok(None)
     }
 
-    /// Whether that can be done: both engines are idle, and the other one keeps up.
+    /// Whether that is possible: both engines are idle, and the read engine keeps up.
     pub(super) fn can_read_with_events(&self, address: u16, bytes: usize) -> bool {
         let idle = !self.register_open && !self.reading.open;
         idle && !self.reading.watched && address >= PROCESS_RAM && bytes > 0
     }
 
-    /// Starts a transfer, after ending one that was left.
+    /// Starts a transfer, after aborting an unfinished one.
     async fn begin(
         &mut self,
         engine: Direction,
@@ -144,7 +143,7 @@ impl<SPI: SpiDevice> Lan9252<SPI> {
         self.bus.write_up(engine.place, place(address, length), BUSY).await
     }
 
-    /// Ends whatever transfer an engine has under way.
+    /// Aborts any transfer of an engine.
     pub(super) async fn abort(&mut self, engine: Direction) -> Result<(), EscError> {
         self.bus.write(engine.command(), ABORT).await?;
         for _ in 0..POLLS_MAX {
@@ -155,7 +154,7 @@ impl<SPI: SpiDevice> Lan9252<SPI> {
         Err(EscError::Stuck(engine.command()))
     }
 
-    /// Waits until at least `wanted` double words wait, or have room; how many it is.
+    /// Waits until at least `wanted` double words are filled or free; returns how many.
     async fn level(&mut self, engine: Direction, address: u16, wanted: usize) -> Result<usize, EscError> {
         for _ in 0..POLLS_MAX {
             let level = count(self.bus.read(engine.command()).await?);
@@ -166,8 +165,8 @@ impl<SPI: SpiDevice> Lan9252<SPI> {
         Err(EscError::Stuck(address))
     }
 
-    /// Proves that a transfer was the one that was meant, and that all of it was moved. Address and length count on while
-    /// an engine works, or stay as they were written.
+    /// Verifies that the intended transfer took place completely. Address and length either advance while an engine works, or stay
+    /// as written.
     async fn finish(&mut self, engine: Direction, address: u16, length: usize) -> Result<(), EscError> {
         for _ in 0..POLLS_MAX {
             let (now, status) = self.bus.read_up(engine.place).await?;
@@ -186,14 +185,14 @@ impl Direction {
         self.port == Self::READ.port
     }
 
-    /// Whether an idle engine with these registers has moved all, and that was what it was told to.
+    /// Whether the registers of an idle engine show that it completed the intended transfer.
     fn has_moved(self, now: u32, status: u32, address: u16, length: usize) -> bool {
         let end = place(address.wrapping_add(length as u16), 0);
         let left_over = self.reads() && count(status) > 0;
         (now == end || now == place(address, length)) && !left_over
     }
 
-    /// Notes how a transfer ended. What was not proved is aborted before the next.
+    /// Records the outcome of a transfer. An unverified one is aborted before the next.
     fn ended(&mut self, done: Result<(), EscError>) {
         match done {
             Ok(()) => (self.open, self.stuck) = (false, 0),
@@ -203,23 +202,23 @@ impl Direction {
         }
     }
 
-    /// Whether an abort is not enough to make the engine work again.
+    /// Whether the engine needs a reset rather than an abort.
     pub(super) fn hangs(self) -> bool {
         self.stuck >= STUCK_MAX
     }
 
-    /// Notes that the engine was aborted.
+    /// Records that the engine was aborted.
     pub(super) fn aborted(&mut self) {
         self.open = false;
     }
 
-    /// Notes that the engine was reset.
+    /// Records that the engine was reset.
     pub(super) fn reset(&mut self) {
         (self.open, self.stuck) = (false, 0);
     }
 }
 
-/// What goes into the address and length register.
+/// The value of the address and length register.
 fn place(address: u16, length: usize) -> u32 {
     (length as u32) << 16 | u32::from(address)
 }

@@ -1,21 +1,21 @@
-//! The engine that accesses registers of the ESC: at most four bytes, in a place that suits their number.
+//! The engine that accesses ESC registers: at most four bytes, suitably aligned.
 
 use embedded_hal_async::spi::SpiDevice;
 
 use super::Lan9252;
 use crate::esc::EscError;
 
-/// Data register, right before the command register.
+/// Data register, directly before the command register.
 pub(super) const DATA: u16 = 0x300;
 pub(super) const COMMAND: u16 = 0x304;
 pub(super) const BUSY: u32 = 1 << 31;
 pub(super) const READ: u32 = 1 << 30;
-/// Looks at the command register until the engine counts as stuck; one lasts some microseconds.
+/// Polls of the command register until the engine counts as stuck; each takes some microseconds.
 pub(super) const POLLS_MAX: usize = 64;
-/// How often an access is tried when something reads back wrong.
+/// Attempts of an access with wrong read-backs.
 const ATTEMPTS_MAX: usize = 3;
 
-/// How many bytes one access at `address` can move when `left` are wanted.
+/// Bytes that one access at `address` can move when `left` remain.
 fn size(address: u16, left: usize) -> usize {
     match (address % 4, left) {
         (0, 4..) => 4,
@@ -29,7 +29,7 @@ pub(super) fn command(address: u16, size: usize, direction: u32) -> u32 {
 }
 
 impl<SPI: SpiDevice> Lan9252<SPI> {
-    /// Reads registers of the ESC, one access after the other.
+    /// Reads ESC registers, access by access.
     pub(super) async fn read_registers(
         &mut self,
         mut address: u16,
@@ -44,7 +44,7 @@ impl<SPI: SpiDevice> Lan9252<SPI> {
         Ok(())
     }
 
-    /// Writes registers of the ESC, one access after the other.
+    /// Writes ESC registers, access by access.
     pub(super) async fn write_registers(
         &mut self,
         mut address: u16,
@@ -60,7 +60,7 @@ impl<SPI: SpiDevice> Lan9252<SPI> {
         Ok(())
     }
 
-    /// Reads one register. The value counts when the command reads back as it was meant, and the value twice the same.
+    /// Reads one register. Valid if the command reads back correctly, and two reads of the value agree.
     pub(super) async fn read_register(&mut self, address: u16, size: usize) -> Result<u32, EscError> {
         let command = command(address, size, READ);
         for _ in 0..ATTEMPTS_MAX {
@@ -76,7 +76,7 @@ impl<SPI: SpiDevice> Lan9252<SPI> {
         Err(EscError::Garbled(address))
     }
 
-    /// Writes one register. Written again what was meant does no harm.
+    /// Writes one register. Repeating the write is harmless.
     async fn write_register(&mut self, address: u16, size: usize, value: u32) -> Result<(), EscError> {
         let command = command(address, size, 0);
         for _ in 0..ATTEMPTS_MAX {
@@ -91,7 +91,7 @@ impl<SPI: SpiDevice> Lan9252<SPI> {
         Err(EscError::Garbled(address))
     }
 
-    /// Waits for the end of an access that was left, since the engine takes no command meanwhile.
+    /// Waits for the end of an unfinished access, as the engine takes no command before.
     async fn settle_registers(&mut self, address: u16) -> Result<(), EscError> {
         if self.register_open {
             self.register_done(address).await?;
@@ -99,7 +99,7 @@ impl<SPI: SpiDevice> Lan9252<SPI> {
         Ok(())
     }
 
-    /// Waits until the engine is idle; its command, then its data.
+    /// Waits until the engine is idle; returns its command and data.
     async fn register_done(&mut self, address: u16) -> Result<(u32, u32), EscError> {
         for _ in 0..POLLS_MAX {
             let (command, data) = self.bus.read_down(COMMAND).await?;

@@ -1,4 +1,4 @@
-//! Setting the chip up, noticing that it is not the one that was set up, and bringing it back.
+//! Sets the chip up, detects its resets, and recovers it.
 
 use embassy_time::{Duration, Timer};
 use embedded_hal_async::spi::SpiDevice;
@@ -19,20 +19,20 @@ const TEST_PATTERN: u32 = 0x8765_4321;
 const READY: u32 = 1 << 27;
 const RESET_DIGITAL: u32 = 1;
 const IRQ_FROM_ETHERCAT: u32 = 1;
-/// Pin switched on; push-pull; and high when it asks.
+/// Pin enabled; push-pull; active high.
 const IRQ_ON: u32 = 0x100;
 const IRQ_PUSH_PULL: u32 = 0x001;
 const IRQ_HIGH: u32 = 0x010;
 
-/// How long the chip may take from a reset to its test pattern, and from there to being ready.
+/// Timeout from a reset to the test pattern, and from there to READY.
 const ANSWER_LIMIT_MS: u64 = 100;
 const READY_LIMIT_MS: u64 = 500;
 const POLL_INTERVAL: Duration = Duration::from_millis(1);
-/// A wrong value is believed when it was read so often.
+/// Reads that confirm a wrong value.
 const LOOKS: usize = 3;
 
 impl<SPI: SpiDevice> Lan9252<SPI> {
-    /// Sees to it that the chip is set up before an access.
+    /// Ensures that the chip is set up before an access.
     pub(super) async fn ready(&mut self) -> Result<(), EscError> {
         match self.health {
             Health::Good => Ok(()),
@@ -58,7 +58,7 @@ impl<SPI: SpiDevice> Lan9252<SPI> {
         }
     }
 
-    /// Whether the chip still is the one that was set up: a brown-out resets it without a word.
+    /// Checks that the chip was not reset: a brown-out does so silently.
     pub(super) async fn check(&mut self) -> Result<(), EscError> {
         let mut pattern = 0;
         for _ in 0..LOOKS {
@@ -70,21 +70,21 @@ impl<SPI: SpiDevice> Lan9252<SPI> {
         if pattern != TEST_PATTERN {
             return Err(EscError::Absent(pattern));
         }
-        // Told at once: until it is ready again may take longer than its caller should go on as if nothing had happened.
+        // Reported at once: waiting until it is ready may take longer than the caller should stay unaware.
         self.health = Health::Lost;
         Err(EscError::Restarted)
     }
 
-    /// Brings a chip back that did not do what it should: without a reset if it can be.
+    /// Recovers a misbehaving chip, if possible without a reset.
     async fn recover(&mut self) -> Result<(), EscError> {
         self.wait_for_response().await?;
         self.restarted |= !self.is_set_up().await?;
         self.bring_back().await?;
-        // Told once, and not before the chip is set up: until then it may happen again.
+        // Reported once, after the set-up: until then it may happen again.
         if core::mem::take(&mut self.restarted) { Err(EscError::Restarted) } else { Ok(()) }
     }
 
-    /// Sets the chip up as soon as it is ready.
+    /// Sets the chip up once it is ready.
     async fn bring_back(&mut self) -> Result<(), EscError> {
         self.wait_for_response().await?;
         if !self.is_idle().await? {
@@ -103,7 +103,7 @@ impl<SPI: SpiDevice> Lan9252<SPI> {
         Ok(false)
     }
 
-    /// Ends what the engines may still have under way; whether they all can be used again.
+    /// Aborts unfinished work of the engines; returns whether all are usable.
     async fn is_idle(&mut self) -> Result<bool, EscError> {
         if self.reading.hangs() || self.writing.hangs() {
             return Ok(false);
@@ -131,7 +131,7 @@ impl<SPI: SpiDevice> Lan9252<SPI> {
         self.try_engines().await
     }
 
-    /// Whether the chip raises its interrupt, by the register behind the pin.
+    /// Whether the chip asserts its interrupt, by the register behind the pin.
     pub(super) async fn interrupts(&mut self) -> Result<bool, EscError> {
         Ok(self.bus.read(IRQ_STATUS).await? & IRQ_FROM_ETHERCAT != 0)
     }
@@ -159,7 +159,7 @@ impl<SPI: SpiDevice> Lan9252<SPI> {
         Err(EscError::Stuck(HARDWARE_CONFIG))
     }
 
-    /// Switches the interrupt pin on. That it was read back makes the chip known.
+    /// Enables the interrupt pin. The successful read-back completes the set-up.
     async fn set_up(&mut self) -> Result<(), EscError> {
         self.bus.write(IRQ_CONFIG, self.irq_config()).await?;
         self.bus.write(IRQ_ENABLE, IRQ_FROM_ETHERCAT).await?;

@@ -1,9 +1,9 @@
-//! What a PDO carries: runs of entries, and what fills it up.
+//! The content of a PDO: runs of entries, and padding.
 
-/// Runs of entries that a PDO carries at most: every object has room for them.
+/// Most runs in a PDO; every object reserves room for them.
 pub const RUNS_MAX: usize = 6;
 
-/// What a PDO carries, in order.
+/// The content of a PDO, in order.
 #[derive(Debug, Clone, Copy)]
 pub struct Runs {
     runs: [Mapped; RUNS_MAX],
@@ -11,10 +11,10 @@ pub struct Runs {
 }
 
 impl Runs {
-    /// None.
+    /// Empty.
     pub const NONE: Self = Self { runs: [Mapped { index: 0, sub: 0, count: 0, bits: 0 }; RUNS_MAX], used: 0 };
 
-    /// The same and `run`; none when there are [`RUNS_MAX`] already.
+    /// Appends `run`; `None` if there are [`RUNS_MAX`] already.
     #[must_use]
     pub const fn and(mut self, run: Mapped) -> Option<Self> {
         if self.used as usize >= RUNS_MAX {
@@ -28,7 +28,7 @@ impl Runs {
     /// All of `runs`.
     ///
     /// # Panics
-    /// At build time, when they are too many.
+    /// If there are too many; at build time, in a `const`.
     pub(super) const fn of(runs: &[Mapped]) -> Self {
         let (mut all, mut nth) = (Self::NONE, 0);
         while nth < runs.len() {
@@ -49,18 +49,18 @@ impl Runs {
     }
 }
 
-/// The index of what fills a PDO up, and is no entry.
+/// The index of padding, which is no entry.
 pub const PADDING: u16 = 0;
 
-/// A run of entries of one object that a PDO carries.
+/// A run of one object's entries in a PDO.
 #[derive(Debug, Clone, Copy)]
 pub struct Mapped {
     /// The object.
     pub index: u16,
     /// The first sub-index.
     pub sub: u8,
-    /// How many entries.
+    /// Number of entries.
     pub count: u8,
-    /// Bits of each entry.
+    /// Bits per entry.
     pub bits: u8,
 }

@@ -1,9 +1,9 @@
-//! Types of values, and who may access them when.
+//! Types of values, and access rights.
 
 /// The type of a value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum DataType {
-    /// One bit. By itself it takes a byte; among others of its kind, in a PDO or accessed completely, a bit.
+    /// One bit. A byte on its own; a bit in a PDO or in a complete access.
     Bool,
     /// 8 bits.
     U8,
@@ -13,11 +13,11 @@ pub enum DataType {
     U32,
     /// 64 bits.
     U64,
-    /// 16 bits with a sign.
+    /// 16 bits, signed.
     I16,
-    /// 32 bits with a sign.
+    /// 32 bits, signed.
     I32,
-    /// 32 bits with a fraction (IEEE 754).
+    /// 32-bit floating point (IEEE 754).
     F32,
     /// A visible string of that many bytes.
     Text(u16),
@@ -44,7 +44,7 @@ impl DataType {
         }
     }
 
-    /// Its size, at most if that may differ.
+    /// Its size; the maximum if it varies.
     pub const fn bytes(self) -> usize {
         match self {
             Self::Bool | Self::U8 => 1,
@@ -55,7 +55,7 @@ impl DataType {
         }
     }
 
-    /// Its size in bits; the others of its bytes are 0.
+    /// Its size in bits; the remaining bits of its bytes are 0.
     pub const fn bits(self) -> u16 {
         match self {
             Self::Bool => 1,
@@ -63,7 +63,7 @@ impl DataType {
         }
     }
 
-    /// Whether it is a number, which has a range.
+    /// Whether it is a number, and has a range.
     pub const fn is_number(self) -> bool {
         !matches!(self, Self::Text(_) | Self::Octets(_) | Self::OctetsUpTo(_))
     }
@@ -84,7 +84,7 @@ impl DataType {
     }
 }
 
-/// Access rights in the form of SDO information: three bits to read and three to write, in PreOp, SafeOp and Op.
+/// Access rights as SDO information codes them: three bits for reading and three for writing, in PreOp, SafeOp and Op.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Access(pub u16);
 
@@ -102,13 +102,13 @@ impl Access {
     /// A setting.
     pub const SETTING: Self = Self(0x0200);
 
-    /// These rights and those of `other`.
+    /// These rights and `other`.
     #[must_use]
     pub const fn and(self, other: Self) -> Self {
         Self(self.0 | other.0)
     }
 
-    /// Whether any of `other`'s rights is given.
+    /// Whether any right of `other` is set.
     pub const fn any(self, other: Self) -> bool {
         self.0 & other.0 != 0
     }

@@ -1,4 +1,4 @@
-//! Whether the SyncManagers are set up well, and what the device falls back for by itself.
+//! Checks of the SyncManagers' settings, and fallbacks to a lower state.
 
 use super::SubDevice;
 use crate::al_state::{AlState, AlStatusCode};
@@ -12,7 +12,7 @@ use crate::sync_manager::{Channel, SYNC_MANAGERS_USED, SyncManager};
 pub(super) type SyncManagers = [SyncManager; SYNC_MANAGERS_USED];
 
 impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevice<E, A, OUTPUTS, INPUTS> {
-    /// Falls back to `state`, and says why.
+    /// Falls back to `state` with `code`.
     async fn fall(&mut self, state: AlState, code: AlStatusCode) -> Result<(), EscError> {
         self.op_deadline = None;
         self.go_down(state).await?;
@@ -22,7 +22,7 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
         self.write_status().await
     }
 
-    /// The process data watchdog's event.
+    /// Handles the process data watchdog's event.
     pub(super) async fn watchdog(&mut self) -> Result<(), EscError> {
         let expired = self.read_word(WATCHDOG_STATUS).await? & 1 == 0;
         if !expired {
@@ -35,7 +35,7 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
         }
     }
 
-    /// Some SyncManager's activation was written: it may be off now, have forgotten what it held, or ask for a repetition.
+    /// A SyncManager's activation was written: it may be off now, have been cleared, or request a repetition.
     pub(super) async fn sync_managers_changed(&mut self) -> Result<(), EscError> {
         let found = self.read_sync_managers().await?;
         let state = self.al.state();
@@ -79,7 +79,7 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
         found[channel as usize].check(channel, self.device.memory.start(channel), bytes)
     }
 
-    /// Reading all of them also clears the event that one was changed: those too that the chip has and nobody uses.
+    /// Reads the SyncManagers, including unused ones: only reading all of them clears the change event.
     pub(super) async fn read_sync_managers(&mut self) -> Result<SyncManagers, EscError> {
         let mut bytes = [0; 8 * SYNC_MANAGERS_USED];
         self.esc.read(SYNC_MANAGERS, &mut bytes).await?;

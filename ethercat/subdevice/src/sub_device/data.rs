@@ -1,4 +1,4 @@
-//! Process data: outputs as they come, inputs when they are due.
+//! Process data: outputs as they arrive, inputs when due.
 
 use embassy_time::Instant;
 
@@ -10,18 +10,18 @@ use crate::registers::Events;
 use crate::sync_manager::Channel;
 
 impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevice<E, A, OUTPUTS, INPUTS> {
-    /// The events, and new outputs with them.
+    /// Reads the events together with new outputs.
     pub(super) async fn read_outputs_ahead(&mut self) -> Result<Events, EscError> {
         let bytes = usize::from(self.data_bytes(Channel::Outputs));
         let start = self.device.memory.start(Channel::Outputs);
         let image = self.images.outputs.get_mut(..bytes).unwrap_or_default();
         let events = Events(self.esc.outputs(start, image).await?);
-        // They are none before they are known to be whole.
+        // Invalid until verified.
         self.images.outputs_valid &= !events.any(Events::OUTPUTS_WRITTEN);
         Ok(events)
     }
 
-    /// Takes outputs, which were read `ahead` or not, and gives inputs; what was seen of the interrupt behind that.
+    /// Takes outputs, read `ahead` or not, and writes inputs; returns the state of the interrupt afterwards.
     pub(super) async fn exchange_data(&mut self, events: Events, ahead: bool) -> Result<Seen, EscError> {
         if !self.al.state().has_process_data() {
             return Ok(Seen::Nothing);
@@ -38,7 +38,7 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
         Ok(seen)
     }
 
-    /// Bytes of process data, as they are assigned.
+    /// Bytes of process data, as assigned.
     pub(super) fn data_bytes(&self, channel: Channel) -> u16 {
         let catalogue = self.catalogue();
         match channel {
@@ -47,7 +47,7 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
         }
     }
 
-    /// The most bytes of process data: as planned, as the controller's memory holds them three times, and as there is a buffer for.
+    /// Most bytes of process data: limited by the plan, by triple buffers in the controller's memory, and by the buffer.
     pub(super) fn room(&self, channel: Channel) -> u16 {
         let buffer = if channel == Channel::Inputs { INPUTS } else { OUTPUTS };
         let room = self.device.memory.room(channel, self.memory_kib);
@@ -66,8 +66,8 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
         }
     }
 
-    /// Takes outputs, unless a SyncManager was changed meanwhile: one that was switched off did not keep its buffer from being
-    /// written. They stay due then, until it is known what was changed.
+    /// Takes outputs, unless a SyncManager changed meanwhile: once switched off, it does not protect its buffer. The outputs then
+    /// stay due until the change is known.
     async fn take_outputs(&mut self, ahead: bool) -> Result<Seen, EscError> {
         self.images.outputs_valid = false;
         self.read_outputs(ahead).await?;
@@ -83,7 +83,7 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
         (self.images.outputs_due, self.images.outputs_valid) = (false, true);
         match self.al.state() {
             AlState::Op => self.hand_out(),
-            // In SafeOp outputs are kept, but have no effect.
+            // SafeOp stores outputs without effect.
             _ if self.op_deadline.is_some() => self.op_with_outputs().await?,
             _ => {}
         }
@@ -100,7 +100,7 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
             self.esc.write(self.device.memory.start(Channel::Inputs), inputs).await?;
         }
         let (now, next) = (Instant::now(), self.images.inputs_due + FREE_RUN_CYCLE);
-        // What writing them takes does not add to the cycle.
+        // The time for writing them does not lengthen the cycle.
         self.images.inputs_due = if next > now { next } else { now + FREE_RUN_CYCLE };
         Ok(())
     }

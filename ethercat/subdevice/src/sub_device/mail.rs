@@ -1,4 +1,4 @@
-//! Messages: one from SM0 when its answer has a place, one into SM1 when that is empty.
+//! Messages: takes one from SM0 when there is room for its response, and writes one to SM1 when that is empty.
 
 use embassy_time::{Duration, Timer};
 
@@ -12,12 +12,12 @@ use crate::mailbox::{MAILBOX_BYTES_MAX, MailboxError, Payload, Protocol};
 use crate::registers::Events;
 use crate::sync_manager::Channel;
 
-/// Between two looks at whether a SyncManager is off, and how many there are: the longest frame takes 123 us.
+/// Polling interval and limit until a SyncManager is off: the longest frame takes 123 us.
 const SWITCH_PAUSE: Duration = Duration::from_micros(20);
 const SWITCH_LOOKS_MAX: usize = 50;
 
 impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevice<E, A, OUTPUTS, INPUTS> {
-    /// Takes and gives messages; true if there were any.
+    /// Receives and sends messages; returns whether there were any.
     pub(super) async fn exchange_mail(&mut self, events: Events) -> Result<bool, EscError> {
         if !self.al.state().has_mailbox() {
             return Ok(false);
@@ -38,12 +38,12 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
         Ok(written || taken || given)
     }
 
-    /// Whether a request may be taken: its answer has a place, and none to an earlier one is outstanding.
+    /// Whether a request may be taken: there is room for its response, and no earlier response is outstanding.
     pub(super) fn takes_requests(&self) -> bool {
         self.al.state().has_mailbox() && self.mailbox.has_room() && !self.coe.is_writing()
     }
 
-    /// Whether something is to be sent as soon as SM1 was fetched.
+    /// Whether something waits for SM1 to be read.
     pub(super) fn waits_for_mailbox(&self) -> bool {
         self.mailbox.is_occupied() && (!self.mailbox.is_idle() || self.coe.has_more())
     }
@@ -54,7 +54,7 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
         let mailbox = buffer.get_mut(..bytes).unwrap_or_default();
         self.esc.read(self.device.memory.start(Channel::MailboxOut), mailbox).await?;
         let Some(request) = self.mailbox.receive(mailbox) else { return Ok(()) };
-        // Here Ethernet and files come in by their protocol's number.
+        // EoE and FoE would be dispatched here by protocol.
         if request.protocol != Protocol::CanOpen as u8 {
             self.mailbox.refuse::<()>(MailboxError::UnsupportedProtocol);
             return Ok(());
@@ -74,7 +74,7 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
         Ok(())
     }
 
-    /// What goes out without being asked for again: the rest of an answer, or an emergency.
+    /// The next message without a new request: the rest of a response, or an emergency.
     fn next_message(&mut self) -> Option<Payload> {
         let catalogue = Catalogue { device: self.device, application: &self.application };
         let next = self.coe.next(self.mailbox.payload_bytes(), &catalogue);
@@ -85,7 +85,7 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
     }
 
     async fn give_message(&mut self) -> Result<bool, EscError> {
-        // Not before it can go into SM1: what is queued cannot be taken back.
+        // Only once it can go into SM1: a queued message cannot be withdrawn.
         if self.mailbox.is_idle()
             && !self.mailbox.is_occupied()
             && let Some(payload) = self.next_message()
@@ -98,21 +98,21 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
         Ok(true)
     }
 
-    /// Puts the last message into SM1 again (ETG.1000.4, clause 5.6.3: the repeat request).
+    /// Writes the last message into SM1 again (ETG.1000.4, clause 5.6.3: the repeat request).
     pub(super) async fn repeat_message(&mut self, repeat: bool) -> Result<(), EscError> {
         if self.mailbox.is_occupied() {
-            // What it holds comes behind the repeated message.
+            // The message in it follows the repeated one.
             self.empty_mailbox().await?;
         }
         let mut buffer = [0; MAILBOX_BYTES_MAX];
         if let Some(message) = self.mailbox.repeat(repeat, &mut buffer) {
             self.esc.write(self.device.memory.start(Channel::MailboxIn), message).await?;
         }
-        // Now that the message is there the repeat request is acknowledged.
+        // Acknowledges the repeat request now that the message is there.
         self.switch(Channel::MailboxIn, true).await
     }
 
-    /// Empties SM1: it is switched off, which it is at the end of a frame that is under way (register 0807h), and on again.
+    /// Empties SM1 by switching it off, which takes effect at the end of a frame in progress (register 0807h), and on again.
     async fn empty_mailbox(&mut self) -> Result<(), EscError> {
         let mut control = [0];
         self.switch(Channel::MailboxIn, false).await?;

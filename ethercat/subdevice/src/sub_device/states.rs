@@ -1,4 +1,4 @@
-//! Changes of state that the MainDevice asks for, and what each needs (ETG.1000.6, clause 6.4.1).
+//! State changes requested by the MainDevice, and their preconditions (ETG.1000.6, clause 6.4.1).
 
 use embassy_time::Instant;
 
@@ -15,7 +15,7 @@ use crate::sync_manager::{Channel, SYNC_MANAGERS_MAX};
 
 /// Why a state was not reached.
 enum Failure {
-    /// The MainDevice is told.
+    /// The code is reported to the MainDevice.
     Refused(AlStatusCode),
     /// The controller failed.
     Esc(EscError),
@@ -34,8 +34,8 @@ impl From<AlStatusCode> for Failure {
 }
 
 impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevice<E, A, OUTPUTS, INPUTS> {
-    /// Takes the controller over: in Init, all SyncManagers off, with an error if there was another state before, in the
-    /// controller or here.
+    /// Takes over the controller: in Init, with all SyncManagers off, and with an error if the controller or the SubDevice was in
+    /// another state before.
     pub async fn start(&mut self) -> Result<(), EscError> {
         let mut present = [0; 2];
         self.esc.read(SYNC_MANAGERS_PRESENT, &mut present).await?;
@@ -57,7 +57,7 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
         self.write_status().await
     }
 
-    /// Takes a request for a state.
+    /// Handles a state request.
     pub(super) async fn al_control(&mut self) -> Result<(), EscError> {
         let control = AlControl(self.read_word(AL_CONTROL).await?);
         let faulty = self.al.fault().is_some();
@@ -80,7 +80,7 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
                 Some(id) => id,
                 None => self.read_word(STATION_ALIAS).await?,
             };
-            // 0 is no identification.
+            // 0 means no identification.
             if id != 0 {
                 self.al.identify(id);
             }
@@ -124,7 +124,7 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
         self.mailbox.start(self.device.memory.mailbox_bytes, repeat);
         self.coe = Coe::default();
         self.switch(Channel::MailboxOut, true).await?;
-        // The bit that is found asks for nothing, and is acknowledged at once.
+        // The present repeat bit is no request, and is acknowledged at once.
         self.switch(Channel::MailboxIn, true).await?;
         Ok(())
     }
@@ -155,12 +155,12 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
         for channel in [Channel::Outputs, Channel::Inputs] {
             self.switch(channel, self.data_bytes(channel) > 0).await?;
         }
-        // Without a first image the MainDevice's reads would fail, and the working counter with them.
+        // Without a first image, the MainDevice's reads would fail, and reduce the working counter.
         self.write_inputs().await?;
         Ok(())
     }
 
-    /// Op needs outputs: the deadline is set if they have not come yet.
+    /// Op needs outputs: sets the deadline if they have not arrived yet.
     fn prepare_op(&mut self) -> Result<(), Failure> {
         self.application.may_enter(AlState::Op)?;
         if self.data_bytes(Channel::Outputs) == 0 {
@@ -174,7 +174,7 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
         Ok(())
     }
 
-    /// The outputs came that Op waited for.
+    /// Enters Op, as the outputs that it needs have arrived.
     pub(super) async fn op_with_outputs(&mut self) -> Result<(), EscError> {
         self.op_deadline = None;
         self.hand_out();
@@ -183,7 +183,7 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
         self.write_status().await
     }
 
-    /// Refuses Op if the outputs took too long.
+    /// Refuses Op if the outputs are overdue.
     pub(super) async fn op_without_outputs(&mut self) -> Result<(), EscError> {
         if self.op_deadline.is_none_or(|deadline| Instant::now() < deadline) {
             return Ok(());
@@ -193,7 +193,7 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
         self.write_status().await
     }
 
-    /// Ends what a lower state does not have.
+    /// Stops what a lower state does not have.
     pub(super) async fn go_down(&mut self, state: AlState) -> Result<(), EscError> {
         if self.al.state() == AlState::Op {
             self.application.outputs_stopped();
@@ -216,7 +216,7 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
         }
     }
 
-    /// No flag is ever seen without its code: the code comes first, and goes last.
+    /// Order of writes: an error flag must never be visible without its code.
     pub(super) async fn write_status(&mut self) -> Result<(), EscError> {
         self.application.shows(self.al.indicators());
         let (status, code) = (self.al.status().to_le_bytes(), self.al.code().to_le_bytes());

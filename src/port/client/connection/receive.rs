@@ -15,7 +15,7 @@ use crate::settings::StreamFraming;
 use crate::stats::Event;
 
 impl<'g, S: TcpStream> TcpConnection<'_, 'g, S> {
-    /// `count` bytes have been read.
+    /// Handles `count` bytes that have been read.
     pub(super) fn received(&mut self, count: usize) -> Result<(), End> {
         self.length += count;
         self.received_at = Instant::now();
@@ -53,7 +53,7 @@ impl<'g, S: TcpStream> TcpConnection<'_, 'g, S> {
                     }
                     consumed
                 }
-                // Another protocol, or a bad length: the frame boundary is lost.
+                // Another protocol, or a bad length: framing is lost.
                 Ok(Parsed::Skip { .. }) | Err(_) => {
                     stats.count(Event::Malformed);
                     return Err(End::Lost);
@@ -90,10 +90,10 @@ impl<'g, S: TcpStream> TcpConnection<'_, 'g, S> {
         } else if rtu::decode(received)
             .is_ok_and(|(from, pdu)| from != outside || fits(&request, pdu).is_err())
         {
-            // A complete frame, but not that response: no need to wait for a pause to judge it.
+            // A complete frame, but not the response: it can be judged without waiting for a pause.
             self.judge_received();
         } else if self.length >= rtu::FRAME_BYTES_MAX {
-            // No frame is that long: keep the newest part, which may contain the response.
+            // Longer than any frame: keep the newest part, which may contain the response.
             self.input.copy_within(self.length - rtu::FRAME_BYTES_MAX / 2..self.length, 0);
             self.length = rtu::FRAME_BYTES_MAX / 2;
         }
@@ -166,7 +166,7 @@ impl<'g, S: TcpStream> TcpConnection<'_, 'g, S> {
         self.length = 0;
     }
 
-    /// Whether `response`, in a valid frame from `unit`, is the `expected` one; otherwise the event is `Late`, or `other`.
+    /// Accepts `response`, in a valid frame from `unit`, if it is the `expected` one; otherwise the event is `Late`, or `other`.
     fn judge(&self, unit: u8, response: &[u8], expected: bool, other: Event) -> Result<(), Event> {
         let now = Instant::now();
         let judged =
@@ -174,7 +174,7 @@ impl<'g, S: TcpStream> TcpConnection<'_, 'g, S> {
         judged.map_err(|event| if event == Event::Late { event } else { other })
     }
 
-    /// No request is in flight; a response may still arrive late, and is judged once it is complete.
+    /// Handles bytes received while no request is in flight; a late response is judged once it is complete.
     fn take_unsolicited(&mut self) {
         if self.received_at < self.opened + self.settling() {
             // During settling, nothing can be matched.
@@ -195,7 +195,7 @@ impl<'g, S: TcpStream> TcpConnection<'_, 'g, S> {
         self.length = 0;
     }
 
-    /// `pending` got no response.
+    /// Handles that `pending` got no response.
     pub(super) fn failed(&self, pending: &PendingRequest<Frame<'g>>) {
         let (down_after, retries) = (self.settings.down_after, self.settings.retries);
         if self.dispatcher.is_proving(&pending.request) {
@@ -227,7 +227,7 @@ impl<'g, S: TcpStream> TcpConnection<'_, 'g, S> {
 
     /// Expires requests past the response time-out; returns whether there were any.
     pub(super) fn expire(&mut self) -> bool {
-        // Transaction ids tell late responses apart. RTU has none, so it needs no slots for lost ids.
+        // Transaction ids identify late responses. RTU has none, so it needs no slots for lost ids.
         let window = match self.settings.framing {
             StreamFraming::Mbap => self.settings.late_window(),
             StreamFraming::Rtu | StreamFraming::Capture => Duration::from_ticks(0),
@@ -243,7 +243,7 @@ impl<'g, S: TcpStream> TcpConnection<'_, 'g, S> {
     }
 }
 
-/// The pending request that a Modbus TCP frame answers; otherwise how to count the frame, and for which unit if that is known.
+/// The pending request that a Modbus TCP frame answers; otherwise the event to count for the frame, and its unit if known.
 /// `outside` maps a unit to the server's id for it.
 fn pair<'g>(
     pending_requests: &mut PendingRequests<Frame<'g>>,

@@ -1,4 +1,4 @@
-//! Combining reads of neighbouring addresses: which waiting reads become one, and what it asks for. Pure.
+//! Combines reads of neighbouring addresses into one. Pure.
 
 use crate::frame::{Envelope, Frame};
 use crate::modbus::pdu::Block;
@@ -10,7 +10,7 @@ use crate::settings::{AddressRange, Merge};
 pub(super) struct CombinedRead {
     /// What it reads.
     pub(super) block: Block,
-    /// The largest gap that all rules allow between two reads, and the largest there is.
+    /// The largest gap between two reads that all rules allow, and the largest that occurs.
     gap_allowed: u16,
     gap: u16,
     /// The addresses that all rules allow.
@@ -25,7 +25,7 @@ impl CombinedRead {
         Some(Self { block: block(frame)?, gap_allowed: gap_allowed.into(), gap: 0, addresses })
     }
 
-    /// Both as one read, if both rules allow it.
+    /// Combines two reads, if both rules allow it.
     pub(super) fn combine(&self, other: &Self) -> Option<Self> {
         let combined = Self {
             block: self.block.hull(&other.block)?,
@@ -45,7 +45,7 @@ impl CombinedRead {
             for other in others() {
                 self = self.combine(&other).unwrap_or(self);
             }
-            // Terminates: every round but the last grows the block, up to the length limit of one request.
+            // Terminates: every round but the last grows the block, up to the length limit of a request.
             if self.block == before {
                 return self;
             }

@@ -1,4 +1,4 @@
-//! Assigns the port's connections to servers: a free one connects to the server of the next request, and when all are taken the
+//! Assigns the port's connections to servers: a free connection takes the server of the next request, and when all are taken the
 //! least needed is closed.
 
 use embassy_futures::select::select;
@@ -41,7 +41,7 @@ impl<'g> Dispatcher<'g> {
         CONNECTIONS_MAX == 1 || self.connections == 1
     }
 
-    /// The server that the free `connection` connects to next; with `keeps`, connections are opened before there is a request.
+    /// The server for the free `connection`; with `keeps`, connections are opened before there is a request.
     pub(crate) async fn chosen(&self, connection: u8, keeps: bool) -> usize {
         loop {
             let now = Instant::now();
@@ -54,10 +54,10 @@ impl<'g> Dispatcher<'g> {
         }
     }
 
-    /// The server of the next request whose server has no connection; otherwise when to look again.
+    /// The server of the next request whose server has no connection; otherwise when to check again.
     fn first_unconnected(&self, now: Instant) -> (Option<usize>, Instant) {
         if CONNECTIONS_MAX == 1 {
-            // There is one server.
+            // There is only one server.
             return (self.is_wanted(0).then_some(0), Instant::MAX);
         }
         let lost = self.current().iter().find_map(|request| self.servers().unconnected(request.target()));
@@ -75,9 +75,9 @@ impl<'g> Dispatcher<'g> {
         }
     }
 
-    /// When servers wait for connections and all are taken, asks connections to close; returns when to look again.
+    /// If servers wait for connections and all are taken, asks connections to close; returns when to check again.
     pub(crate) fn make_room(&self) -> Instant {
-        // With a connection for every server there is never a shortage.
+        // With a connection for every server there is no shortage.
         if CONNECTIONS_MAX == 1 || usize::from(self.connections) >= self.servers().len() {
             return Instant::MAX;
         }
@@ -105,7 +105,7 @@ impl<'g> Dispatcher<'g> {
         later
     }
 
-    /// Whether a request for `server` is waiting or is to be sent again.
+    /// Whether a request for `server` is waiting or to be repeated.
     pub(crate) fn is_wanted(&self, server: usize) -> bool {
         let is_its = |unit| self.is_of(server, unit);
         self.queue().units().any(is_its) || self.current().iter().any(|request| is_its(request.target()))
@@ -126,26 +126,26 @@ impl<'g> Dispatcher<'g> {
         if CONNECTIONS_MAX == 1 { Some(outside) } else { self.servers().inside(server, outside) }
     }
 
-    /// `server` is connected: its requests are queued.
+    /// Records that `server` is connected: its requests are queued.
     pub(crate) fn opened(&self, server: usize) {
         self.servers().opened(server);
     }
 
-    /// The connection of `server` ended normally.
+    /// Records that the connection of `server` ended normally.
     pub(crate) fn disconnected(&self, server: usize) {
         let mut servers = self.servers();
         servers.well(server);
         servers.release(server);
     }
 
-    /// The socket for `server` was needed elsewhere before it connected.
+    /// Records that the socket for `server` was needed elsewhere before it connected.
     pub(crate) fn put_off(&self, server: usize) {
         let mut servers = self.servers();
         servers.put_off(server, Instant::now());
         servers.release(server);
     }
 
-    /// `server` is unreachable or silent: requests on the wire get 0Bh, waiting and new ones 0Ah.
+    /// Records that `server` is unreachable or silent: requests on the wire get 0Bh, waiting and new ones 0Ah.
     pub(crate) fn failed_to_reach(&self, server: usize) {
         self.servers().failed(server, Instant::now());
         self.close_requests(Some(server));

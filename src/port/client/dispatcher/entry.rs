@@ -1,5 +1,4 @@
-//! What the dispatcher derives from a request: its queue entry, the block it reads, and which part of a combined response is its
-//! own.
+//! Properties that the dispatcher derives from a request: its queue entry, the block it reads, and its part of a combined response.
 
 use crate::frame::{Envelope, Fill, Frame, ReplyTo, Transaction};
 use crate::modbus::PDU_BYTES_MAX;
@@ -7,7 +6,7 @@ use crate::modbus::pdu::Block;
 use crate::port::client::queue::{Access, Entry, Requester};
 use crate::settings::Merge;
 
-/// The block that `frame` reads. None while it is still arriving: its CRC has not been checked yet.
+/// The block that `frame` reads. `None` while it is still arriving: its CRC has not been checked yet.
 pub(super) fn block(frame: &Frame<'_>) -> Option<Block> {
     if frame.filled().1 == Fill::Complete { frame.pdu(Block::of) } else { None }
 }

@@ -11,7 +11,7 @@ use crate::port::client::servers::CONNECTIONS_MAX;
 use crate::stats::Event;
 
 impl<'g> Dispatcher<'g> {
-    /// Expired or abandoned requests are dropped, and those for units that are down.
+    /// Drops requests that expired or were abandoned, and those for units that are down.
     pub(super) fn sweep(&self) {
         let now = Instant::now();
         self.swept.set(milliseconds(now));
@@ -53,7 +53,7 @@ impl<'g> Dispatcher<'g> {
                 self.count_waiting();
                 return next;
             };
-            // Other abandoned requests are found when their turn comes, or when the queue is full.
+            // Other abandoned requests are dropped at their turn, or when the queue is full.
             if self.gateway.is_gone(frame.origin()) {
                 self.fail(frame, Event::RequesterGone, Exception::GATEWAY_NO_RESPONSE);
                 continue;
@@ -66,7 +66,7 @@ impl<'g> Dispatcher<'g> {
                 }
             };
             let current = frame.share_for(self.start(&frame, &entry, in_step, now));
-            // Has room: a port never has more requests in flight. Were it full, the caller would still hold the request.
+            // Within the capacity: a port never has more requests in flight. Were it full, the caller would still hold the request.
             let _ = self.current().push(current);
             self.count_waiting();
             return Next::Serve(frame, entry);

@@ -1,4 +1,4 @@
-//! The outcome of a request: response, retry, exception, or nothing, and who receives it.
+//! The outcome of a request: response, retry, exception, or nothing, and its delivery.
 
 use embassy_time::Instant;
 
@@ -76,7 +76,7 @@ impl<'g> Dispatcher<'g> {
         self.postpone_each(request);
     }
 
-    /// `request` was forwarded while it arrived and is now complete, so its function and block are known.
+    /// Updates `request`, forwarded while it arrived, now that it is complete: its function and block are known.
     pub(crate) fn arrived(&self, request: &Frame<'g>) {
         let writes = !request.pdu(pdu::is_read);
         let asked = block(request);
@@ -89,7 +89,7 @@ impl<'g> Dispatcher<'g> {
         self.gateway.inbox.send(request.share());
     }
 
-    /// Drops `request`, which broke off while it arrived; its sender knows.
+    /// Drops `request`, which broke off while it arrived; its sender knows that.
     pub(crate) fn forget(&self, request: &Frame<'g>) {
         drop(self.end_transaction(request));
     }
@@ -101,11 +101,11 @@ impl<'g> Dispatcher<'g> {
         }
     }
 
-    /// `request` got no response: it and the requests merged into it are repeated up to `retries` times if they are reads, and
-    /// get 0Bh otherwise.
+    /// Handles that `request` got no response: it and the requests merged into it are repeated up to `retries` times if they are
+    /// reads, and get 0Bh otherwise.
     ///
-    /// Writes are never repeated, since they may have been executed. A repeat queues like any other request, until a late
-    /// response can no longer arrive.
+    /// Writes are never repeated, since they may have been executed. A repeat queues like any other request, until a late response
+    /// can no longer arrive.
     pub(crate) fn failed(&self, request: &Frame<'g>, retries: u8) {
         let Some((frame, transaction)) = self.end_transaction(request) else { return };
         transaction.split(&frame);
@@ -120,7 +120,7 @@ impl<'g> Dispatcher<'g> {
         }
     }
 
-    /// Ends the transaction of `request` and returns what was noted about it.
+    /// Ends the transaction of `request` and returns its state.
     pub(super) fn end_transaction(&self, request: &Frame<'g>) -> Option<(Frame<'g>, Transaction)> {
         let mut current = self.current();
         let at = current.iter().position(|current| current.is(request))?;

@@ -28,13 +28,14 @@ impl<'g> Dispatcher<'g> {
         self.proofs.get(usize::from(connection))
     }
 
-    /// `unit` has answered the proof for `request`. The request is queued again, since by now others may share its transaction.
+    /// Handles the response of `unit` to the proof for `request`. The request is queued again, since others may now share its
+    /// transaction.
     pub(crate) fn proved(&self, request: &Frame<'g>, unit: u8) {
         self.port_state.units(|units| units.proved(unit));
         self.requeue(request);
     }
 
-    /// The proof got no response: `request` fails, unless the unit has sent something else meanwhile.
+    /// Handles that the proof got no response: `request` fails, unless the unit has sent something else meanwhile.
     pub(crate) fn not_proved(&self, request: &Frame<'g>, unit: u8, down_after: u8, retries: u8) {
         // A requester with its own back-off is not blocked by the gateway's.
         let down_after = if request.envelope().paced { 0 } else { down_after };
@@ -45,14 +46,14 @@ impl<'g> Dispatcher<'g> {
         }
     }
 
-    /// Queues `request` and the requests merged into it again, each on its own.
+    /// Queues `request` and the requests merged into it again, separately.
     pub(crate) fn requeue(&self, request: &Frame<'g>) {
         let Some((frame, transaction)) = self.end_transaction(request) else { return };
         transaction.split(&frame);
         self.postpone_each(frame);
     }
 
-    /// Postpones `request` and the requests merged into it, each on its own.
+    /// Postpones `request` and the requests merged into it, separately.
     pub(super) fn postpone_each(&self, request: Frame<'g>) {
         while let Some(merged) = request.take_merged() {
             self.postpone(merged);

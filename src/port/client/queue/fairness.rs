@@ -14,7 +14,7 @@ impl<T> PortQueue<T> {
         let known = Known { requester, turn: 0, by_address: of_address.map_or(0, |known| known.by_address) };
         let Err(known) = self.requesters.push(known) else { return (self.requesters.len() - 1) as u8 };
         // The requester served longest ago ranks like one never served, so it can be forgotten. Not all are waiting, so there is
-        // one.
+        // one to forget.
         let waits = |slot: usize| self.waiting.iter().any(|waiting| usize::from(waiting.requester) == slot);
         let idle = self.requesters.iter().enumerate().filter(|(slot, _)| !waits(*slot));
         let oldest = idle.min_by_key(|(_, known)| known.turn).map_or(0, |(slot, _)| slot);
@@ -26,7 +26,7 @@ impl<T> PortQueue<T> {
 
     pub(super) fn note_turn(&mut self, slot: u8) {
         let turn = self.turns.checked_add(1).unwrap_or_else(|| {
-            // After 2^32 turns the counters start again for everybody.
+            // After 2^32 turns all counters restart.
             self.requesters.iter_mut().for_each(|known| (known.turn, known.by_address) = (0, 0));
             1
         });
@@ -38,8 +38,8 @@ impl<T> PortQueue<T> {
         of_address.for_each(|known| known.by_address = turn);
     }
 
-    /// The newest request of the address that has the most, if those outnumber what the address of `newcomer` would have; within
-    /// one address the same holds of its connections. One pass, as refusing must be cheaper than serving.
+    /// The newest request of the address with the most requests, if those outnumber what the address of `newcomer` would have;
+    /// within one address, the same rule applies to its connections. A single pass, as refusing must be cheaper than serving.
     pub(super) fn eviction_candidate(&self, newcomer: Requester) -> Option<usize> {
         let mut own = [0_u8; REQUESTERS_MAX];
         let (mut of_address, mut of_newcomer, mut most) = (0, 0, 0);

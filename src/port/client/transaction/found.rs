@@ -1,14 +1,14 @@
-//! What matching finds in the bytes received from a line.
+//! The result of matching bytes received from a line.
 
 use crate::stats::Event;
 
-/// What was found in the bytes received so far.
+/// The result of matching the bytes received so far.
 pub(super) enum Found {
     /// Nothing yet, or noise between frames.
     Nothing,
     /// The response.
     Response,
-    /// The response, but corrupt, and how.
+    /// The response, but corrupt, with the reason.
     Corrupt(Event),
     /// Something else, which has been counted.
     Other,

@@ -18,7 +18,7 @@ use crate::stats::Event;
 const EXCEPTION_BYTES: usize = 2;
 
 impl<L: SerialLine> SerialTransaction<'_, L> {
-    /// Judges the bytes received so far.
+    /// Classifies the bytes received so far.
     pub(super) fn match_response(&mut self, incoming: &mut IncomingResponse<'_, '_>) -> Found {
         if self.settings.framing == Framing::Ascii {
             return self.match_ascii(incoming);
@@ -52,7 +52,7 @@ impl<L: SerialLine> SerialTransaction<'_, L> {
         }
     }
 
-    /// Judges the characters received, up to the first end of a frame.
+    /// Classifies the characters received, up to the first end of a frame.
     fn match_ascii(&mut self, incoming: &mut IncomingResponse<'_, '_>) -> Found {
         let (unit, request) = (incoming.unit(), incoming.request());
         for (before, &character) in self.line.received().iter().enumerate() {
@@ -92,7 +92,7 @@ impl<L: SerialLine> SerialTransaction<'_, L> {
         Found::Nothing
     }
 
-    /// Judges the bytes received after the silence that ends a frame.
+    /// Classifies the bytes received once silence has ended a frame.
     pub(super) fn match_at_silence(&mut self, incoming: &mut IncomingResponse<'_, '_>) -> Found {
         let (unit, request) = (incoming.unit(), incoming.request());
         let found = match self.settings.framing {
@@ -131,15 +131,15 @@ impl<L: SerialLine> SerialTransaction<'_, L> {
             && pdu::fits(request, request).is_err()
     }
 
-    /// Whether `response`, in a valid frame from `unit`, is the `expected` one; otherwise the event is `Late`, or `other`.
+    /// Accepts `response`, in a valid frame from `unit`, if it is the `expected` one; otherwise the event is `Late`, or `other`.
     fn judge(&self, unit: u8, response: &[u8], expected: bool, other: Event) -> Result<(), Event> {
         let judged =
             self.port_state.units(|units| units.match_response(unit, response, expected, Instant::now()));
         judged.map_err(|event| if event == Event::Late { event } else { other })
     }
 
-    /// Handles a valid frame from a unit other than `expected`. A late response is counted with its own unit, anything else with
-    /// the expected one.
+    /// Handles a valid frame from a unit other than `expected`. A late response is counted for its own unit, anything else for the
+    /// expected one.
     fn wrong_unit(&self, expected: u8, from: u8, response: &[u8]) -> Found {
         match self.judge(from, response, false, Event::WrongUnit) {
             Err(Event::Late) => self.other(from, Event::Late),
@@ -153,7 +153,7 @@ impl<L: SerialLine> SerialTransaction<'_, L> {
         self.other(unit, judged.err().unwrap_or(Event::Misfit))
     }
 
-    /// When all but the last character of the minimum response length should have arrived. The last one is awaited by reading: a
+    /// When all but the last character of the shortest possible response should have arrived. The last one is awaited by reading: a
     /// sleep until it is due would end slightly late.
     pub(super) fn due(&self, incoming: &IncomingResponse<'_, '_>) -> Option<Instant> {
         let (Framing::Rtu, false, Some((&unit, so_far))) =
@@ -171,8 +171,8 @@ impl<L: SerialLine> SerialTransaction<'_, L> {
         Some(self.line.begun() + self.line.settings.chars(pdu_bytes + rtu::OVERHEAD_BYTES - 1))
     }
 
-    /// Forwards what has been received of a frame, if cut-through is on. Latency of reads counts as jitter, so that the sender
-    /// never runs dry.
+    /// Forwards what has been received of a frame, if cut-through is on. Read latency counts as jitter, so that the sender never
+    /// underruns.
     fn pass_on(&self, incoming: &mut IncomingResponse<'_, '_>) {
         if !incoming.is_passed_on() {
             return;
@@ -186,7 +186,7 @@ impl<L: SerialLine> SerialTransaction<'_, L> {
         incoming.feed(received, self.begun + self.line.jitter, &lane);
     }
 
-    /// Classifies a bad ASCII frame: the response, if it begins like it, corrupt for this `reason`; otherwise noise.
+    /// Classifies a bad ASCII frame: if it begins like the response, as corrupt for this `reason`; otherwise as noise.
     fn corrupt_ascii(&self, unit: u8, request: &[u8], reason: Event) -> Found {
         match (self.decoder.bytes(), request) {
             ([from, answered, ..], [function, ..])

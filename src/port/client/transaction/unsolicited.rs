@@ -1,4 +1,4 @@
-//! Frames that nobody asked for, or that do not match: counted by kind and by unit.
+//! Unsolicited or mismatched frames: counted by kind and by unit.
 
 use embassy_time::Instant;
 
@@ -20,14 +20,14 @@ impl<L: SerialLine> SerialTransaction<'_, L> {
         Found::Other
     }
 
-    /// The response is corrupt, for the receiver's reason if it has one, otherwise for this `reason`.
+    /// Classifies the response as corrupt, for the receiver's reason if it has one, otherwise for this `reason`.
     pub(super) fn corrupt(&self, reason: Event) -> Found {
         let error = self.line.flaw().unwrap_or(reason);
         self.note(error);
         Found::Corrupt(error)
     }
 
-    /// Shows the capture what has been received, and the verdict.
+    /// Passes what has been received to the capture, with the verdict.
     pub(super) fn note(&self, verdict: Event) {
         self.tap.received(self.line.active, verdict, self.line.received());
     }
@@ -50,7 +50,7 @@ impl<L: SerialLine> SerialTransaction<'_, L> {
         self.line.clear();
     }
 
-    /// Judges each valid ASCII frame received; returns the event of the last one.
+    /// Classifies each valid ASCII frame received; returns the event of the last one.
     fn unsolicited_ascii(&mut self) -> Option<Event> {
         self.decoder.clear();
         let mut last = None;
@@ -67,7 +67,7 @@ impl<L: SerialLine> SerialTransaction<'_, L> {
         last
     }
 
-    /// Judges and counts a valid unsolicited frame from `unit`.
+    /// Classifies and counts a valid unsolicited frame from `unit`.
     pub(super) fn unsolicited(&self, unit: u8, response: &[u8]) -> Event {
         let judged =
             self.port_state.units(|units| units.match_response(unit, response, false, Instant::now()));

@@ -1,4 +1,4 @@
-//! The sniffer for ASCII lines: frames are delimited, so neither silences nor two readings are needed.
+//! The sniffer for ASCII lines: frames are delimited, so neither silences nor two interpretations are needed.
 
 use super::{Sniffed, is_request};
 use crate::modbus::ascii::{AsciiError, COLON, Decoder, LINE_FEED};
@@ -27,7 +27,7 @@ impl AsciiSniffer {
         self.delimiter
     }
 
-    /// Ends frames with another character from now on (Application Protocol 6.8.1, sub-function 3).
+    /// Changes the character that ends frames (Application Protocol 6.8.1, sub-function 3).
     pub const fn set_delimiter(&mut self, delimiter: u8) {
         *self = Self { decoder: Decoder::new(delimiter), delimiter };
     }
@@ -42,7 +42,7 @@ impl AsciiSniffer {
         if self.in_frame() { self.decoder.bytes() } else { &[] }
     }
 
-    /// The next character is overdue.
+    /// Discards the incomplete frame, as its next character is overdue.
     pub fn overdue(&mut self) -> Sniffed<'static> {
         self.decoder.clear();
         Sniffed::Garbage(LastError::Gap)
@@ -64,7 +64,7 @@ impl AsciiSniffer {
         (sniffed, end.map_or(received.len(), |(count, _)| count))
     }
 
-    /// Judges the frame that has just ended with a valid LRC.
+    /// Classifies the frame that has just ended with a valid LRC.
     fn judge(&self, is_ours: impl Fn(u8) -> bool) -> Sniffed<'_> {
         let Some((&unit, [pdu @ .., _])) = self.decoder.bytes().split_first() else {
             return Sniffed::Nothing;

@@ -1,4 +1,4 @@
-//! The gateway as seen by a serial server: which units are routed, and how requests are sent to the router.
+//! The serial server's link to the gateway: which units are routed, and how requests are sent to the router.
 
 use embassy_time::Instant;
 
@@ -10,7 +10,7 @@ use crate::routing::{Onward, onward};
 use crate::settings::{PortId, SerialSettings};
 use crate::stats::Event;
 
-/// The port, while its settings are in force.
+/// The port with its current settings.
 pub(crate) struct Server<'s, 'g> {
     pub(crate) gateway: &'s Gateway<'g>,
     pub(crate) port_state: &'s PortState,
@@ -21,7 +21,7 @@ pub(crate) struct Server<'s, 'g> {
 }
 
 impl<'g> Server<'_, 'g> {
-    /// The line is gone: responses that arrive from now on are dropped.
+    /// Drops responses that arrive from now on, as the line is closed.
     pub(crate) fn close(&self) {
         self.port_state.renew();
         self.port_state.queue.clear(self.gateway.pool());

@@ -59,18 +59,18 @@ pub(super) struct Session<'s, 'g, L> {
 }
 
 /// Distinguishes an echo of the gateway's response from a request that looks the same (a write's response repeats the write).
-/// Otherwise an adapter that receives its own transmission would make the gateway send itself requests for ever, unless the
+/// Without it, an adapter that receives its own transmission would make the gateway send itself requests forever, unless the
 /// settings say `echo`.
 struct Answered {
     unit: u8,
-    /// Over unit and PDU.
+    /// CRC of unit and PDU.
     crc: u16,
     /// Its echo arrives before this.
     until: Instant,
 }
 
 impl Answered {
-    /// Whether this is what was `received` from `unit`.
+    /// Whether the frame from `unit`, `received` then, is the echo.
     fn is(&self, unit: u8, pdu: &[u8], received: Instant) -> bool {
         self.unit == unit && received < self.until && self.crc == rtu::check(unit, pdu)
     }
@@ -124,7 +124,7 @@ impl<'s, 'g, L: SerialLine> Session<'s, 'g, L> {
             let begins = self.line.received().is_empty();
             let next = due.min(quiet).min(self.passing.due());
             match select3(self.line.read(), responses, until(next)).await {
-                // The board has begun to relay, and watches for silence itself.
+                // The board has started to relay, and detects the silence itself.
                 Either3::Third(()) if self.line.is_relayed() && Instant::now() < due => {}
                 Either3::First(read) => {
                     read?;
@@ -142,7 +142,7 @@ impl<'s, 'g, L: SerialLine> Session<'s, 'g, L> {
         }
     }
 
-    /// When all but the last character of the minimum length of the frame should have arrived, if nothing else is due earlier.
+    /// When all but the last character of the shortest possible frame should have arrived, unless something else is due earlier.
     /// The last one is awaited by reading: a sleep until it is due would end slightly late.
     fn whole_at(&self) -> Option<Instant> {
         let (Sniffer::Rtu(sniffer), Open::None, Passing::Whole) = (&self.sniffer, &self.open, &self.passing)
@@ -163,7 +163,7 @@ impl<'s, 'g, L: SerialLine> Session<'s, 'g, L> {
         if waits { self.line.quiet_at(silence) } else { Instant::MAX }
     }
 
-    /// A frame has returned from the router: the expected response, a request without response, or a response that is too late.
+    /// Handles a frame returned by the router: the expected response, a request without response, or a response that is too late.
     fn take_response(&mut self, response: Frame<'g>) {
         let envelope = response.envelope();
         let is_expected = envelope.origin.generation == self.server.port_state.generation();
@@ -177,7 +177,7 @@ impl<'s, 'g, L: SerialLine> Session<'s, 'g, L> {
         };
     }
 
-    /// The open request is due: returns its response to send, or ends it.
+    /// Handles the deadline of the open request: returns its response to send, or ends it.
     fn due(&mut self) -> Option<Frame<'g>> {
         match mem::replace(&mut self.open, Open::None) {
             Open::Ready { response, .. } => return Some(response),

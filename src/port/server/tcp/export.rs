@@ -9,7 +9,7 @@ use super::{End, Server, WRITE_PATIENCE};
 use crate::capture::Export;
 use crate::hal::TcpStream;
 
-/// How often frames are looked for. The ring holds what busy lines bring meanwhile.
+/// Polling interval for frames. The ring is large enough for busy lines meanwhile.
 const EXPORT_PAUSE: Duration = Duration::from_millis(5);
 
 impl Server<'_, '_> {

@@ -6,11 +6,11 @@ use crate::frame::{Cause, Frame, Stage};
 use crate::modbus::Exception;
 use crate::modbus::tcp::Header;
 
-/// What the next request of a connection has to wait for.
+/// What the next request of a connection must wait for.
 pub(super) enum Waits {
     /// Nothing.
     No,
-    /// This time, or the earlier responses if it is never.
+    /// This time; if it is never, the earlier responses.
     ForTurn(Instant),
     /// A free frame.
     ForFrame,
@@ -18,7 +18,7 @@ pub(super) enum Waits {
     ForReply(Header, [u8; 2]),
 }
 
-/// What a client receives.
+/// A response to a client.
 pub(super) enum Response<'g> {
     /// An exception from this port.
     Refusal(Header, [u8; 2]),
@@ -38,9 +38,9 @@ impl Response<'_> {
     }
 }
 
-/// What an outcome means for the window of later requests.
+/// The effect of an outcome on the window for later requests.
 pub(super) enum Worth {
-    /// A unit was asked.
+    /// A unit responded.
     Answered,
     /// No unit was asked, or there is no response.
     Refused,
@@ -48,11 +48,11 @@ pub(super) enum Worth {
     Crowded,
 }
 
-/// What became of a request.
+/// The handling of a request.
 pub(super) enum Taken {
-    /// It was sent to the router.
+    /// Sent to the router.
     Sent,
-    /// It is answered here.
+    /// Answered by this port.
     Refused(Exception),
     /// No frame is free.
     Starved,

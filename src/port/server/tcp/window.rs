@@ -2,8 +2,8 @@
 //!
 //! A refused request costs the processor nearly as much as a served one, and its client sends the next at once instead of waiting
 //! for a line. So each refusal narrows the window of its connection, and each other response widens it. With a closed window a
-//! connection has one request at a time, each in its turn: all such connections of the gateway share the [`Turns`]. That bounds
-//! the cost of a flood, however many connections take part; clients that are served as often as refused are not affected. A full
+//! connection has one request at a time, each in its turn: all such connections of the gateway share the [`Turns`]. That bounds the
+//! cost of a flood, regardless of the number of connections; clients that are served as often as refused are not affected. A full
 //! queue closes the window at once, since further requests would be refused too.
 
 use embassy_time::Instant;
@@ -25,7 +25,7 @@ pub(crate) struct Window {
 }
 
 impl Window {
-    /// All of `pipeline`.
+    /// A fully open window of `pipeline`.
     pub(crate) const fn new(pipeline: u8) -> Self {
         Self { width: pipeline, width_max: pipeline, turn: Instant::MIN, useful: false }
     }
@@ -37,7 +37,7 @@ impl Window {
         if is_open { self.turn } else { Instant::MAX }
     }
 
-    /// A request was refused, or the input contained none.
+    /// Handles a refused request, or input without one.
     pub(crate) fn refused(&mut self, turns: &Turns) {
         match self.width.checked_sub(1) {
             Some(width) => self.width = width,
@@ -45,18 +45,18 @@ impl Window {
         }
     }
 
-    /// A request was refused because its port's queue is full.
+    /// Handles a request refused because its port's queue is full.
     pub(crate) fn crowded(&mut self, turns: &Turns) {
         self.width = 0;
         self.turn = turns.take(Instant::now());
     }
 
-    /// The connection has ended. If it achieved nothing, the next one waits for a turn.
+    /// Handles the end of the connection. If it was useless, the next one waits for a turn.
     pub(crate) fn ended(&mut self, turns: &Turns) {
         self.turn = if self.useful { Instant::MIN } else { turns.take(Instant::now()) };
     }
 
-    /// A request was answered.
+    /// Handles an answered request.
     pub(crate) fn answered(&mut self) {
         self.width = self.width.saturating_add(WIDENED).min(self.width_max);
         self.turn = Instant::MIN;

@@ -1,7 +1,7 @@
 //! Cut-through of requests at a serial server.
 //!
-//! As soon as the rules and the speed of the other line allow, a frame goes to the router and is filled character by character.
-//! The sniffer still judges the complete request: only one that it accepts is finished. In all other cases the frame is marked
+//! As soon as the rules and the speed of the other line allow, a frame goes to the router and is filled character by character. The
+//! sniffer still classifies the complete request: only one that it accepts is finished. In all other cases the frame is marked
 //! broken, and the request is handled as usual.
 
 use core::mem;
@@ -19,25 +19,25 @@ use crate::settings::Lane;
 use crate::stats::Event;
 
 impl<'g, L: SerialLine> Session<'_, 'g, L> {
-    /// A frame begins with the bytes received.
+    /// Handles the start of a frame.
     pub(super) fn begin(&mut self) {
         self.begun = self.line.begun();
         let in_step = match &self.sniffer {
             Sniffer::Rtu(sniffer) => !sniffer.needs_silence(),
             Sniffer::Ascii(_) => !mem::take(&mut self.pauses),
         };
-        // Bytes that follow at once are an echo, a collision, or stray bits.
+        // Bytes without a preceding pause are an echo, a collision, or stray bits.
         let is_separated = self.line.pause() >= self.line.settings.gap() / 2;
         self.passing = if in_step && is_separated { Passing::Open } else { Passing::Whole };
     }
 
-    /// Notes a pause in an ASCII frame before what has just been read.
+    /// Records a pause in an ASCII frame before what has just been read.
     pub(super) fn watch_pauses(&mut self) {
         let is_inside = matches!(&self.sniffer, Sniffer::Ascii(sniffer) if sniffer.in_frame());
         self.pauses |= is_inside && self.line.pauses();
     }
 
-    /// Forwards what has been received, if it is time. Returns whether that was a whole RTU request.
+    /// Forwards what has been received, if due. Returns whether that was a complete RTU request.
     pub(super) fn pass_on(&mut self) -> bool {
         let received = match &self.sniffer {
             Sniffer::Rtu(_) => self.line.received(),
@@ -67,7 +67,7 @@ impl<'g, L: SerialLine> Session<'_, 'g, L> {
         match self.server.onward(unit, so_far) {
             Onward::Whole => Passing::Whole,
             Onward::Later => Passing::Open,
-            // Latency of reads counts as jitter, so that the sender never runs dry.
+            // Read latency counts as jitter, so that the sender never underruns.
             Onward::To(output) => {
                 Passing::plan(self.begun + self.line.jitter, &Lane::of(self.server.settings), &output, end)
             }
@@ -76,7 +76,7 @@ impl<'g, L: SerialLine> Session<'_, 'g, L> {
 }
 
 impl<'g> Server<'_, 'g> {
-    /// A request proved valid: returns whether the frame already forwarded is all that is needed.
+    /// Finishes a request that proved valid; returns whether the frame already forwarded is sufficient.
     pub(super) fn finish(&self, passing: &mut Passing<'g>, request: &[u8], received: Instant) -> bool {
         let Passing::Begun(arriving) = mem::replace(passing, Passing::Whole) else { return false };
         if pdu::check_request(request).is_err() {

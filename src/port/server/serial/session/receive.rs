@@ -1,4 +1,4 @@
-//! The receiving half of a session: forwards bytes as they arrive, judges them, and recognises requests.
+//! The receiving half of a session: forwards bytes as they arrive, classifies them, and recognises requests.
 
 use embassy_time::Instant;
 use heapless::Vec;
@@ -31,7 +31,7 @@ type Request = Vec<u8, PDU_BYTES_MAX>;
 const STRAY_BYTES_MAX: usize = rtu::FRAME_BYTES_MIN - 1;
 
 impl<L: SerialLine> Session<'_, '_, L> {
-    /// Forwards and judges what has just been read; `begins`: the buffer was empty before.
+    /// Forwards and classifies what has just been read; `begins`: the buffer was empty before.
     pub(super) fn after_read(&mut self, begins: bool) {
         if !self.is_stray() {
             self.interrupted();
@@ -51,11 +51,11 @@ impl<L: SerialLine> Session<'_, '_, L> {
         }
     }
 
-    /// Forwards the bytes received, and judges them once the whole frame has been forwarded.
+    /// Forwards the bytes received, and classifies them once the whole frame has been forwarded.
     pub(super) fn proceed(&mut self) {
         if self.pass_on() {
             self.listen(false);
-            // Complete but not accepted as a request: not a request.
+            // Complete but not accepted: not a request.
             self.passing = Passing::Whole;
         }
     }
@@ -71,7 +71,7 @@ impl<L: SerialLine> Session<'_, '_, L> {
         self.line.begun() >= active + self.line.settings.gap() / 2
     }
 
-    /// Something was received while a request was open: the master no longer waits for its response.
+    /// Ends the open request, as something was received: the master no longer waits for its response.
     fn interrupted(&mut self) {
         if let Open::Ready { .. } = self.open {
             self.server.port_state.stats.count(Event::RequesterGone);
@@ -82,7 +82,7 @@ impl<L: SerialLine> Session<'_, '_, L> {
         }
     }
 
-    /// Judges the bytes received so far.
+    /// Classifies the bytes received so far.
     pub(super) fn listen(&mut self, silent: bool) {
         loop {
             if let (Sniffer::Ascii(_), Some(&COLON)) = (&self.sniffer, self.line.received().first()) {
@@ -90,7 +90,7 @@ impl<L: SerialLine> Session<'_, '_, L> {
             }
             let mut request = Request::new();
             let (judged, count) = self.judge(silent, &mut request);
-            // What follows a request supersedes it, also when both are read at once.
+            // Whatever follows a request supersedes it, even if both are read at once.
             if count > STRAY_BYTES_MAX {
                 self.interrupted();
             }

@@ -17,7 +17,7 @@ impl<'g, L: SerialLine> Session<'_, 'g, L> {
         let envelope = response.envelope();
         let fill = response.filled().1;
         if fill == Fill::Broken {
-            // Nothing has been sent. Only the master can repeat the request.
+            // Nothing has been sent yet. Only the master can repeat the request.
             return Ok(());
         }
         let arriving = fill == Fill::Filling;
@@ -71,7 +71,7 @@ impl<'g, L: SerialLine> Session<'_, 'g, L> {
     fn form(&self, envelope: &Envelope) -> Form {
         let framing = self.server.settings.framing;
         let lane = self.server.gateway.settings(|settings| Lane::at(settings, envelope.destination?));
-        // Nobody else waits for this line, and what has begun cannot be sent again.
+        // No other request waits for this line, and a started response cannot be sent again.
         let may_wait = framing == Framing::Ascii || lane.is_some_and(|lane| lane.framing == Framing::Rtu);
         Form {
             framing,
@@ -83,7 +83,7 @@ impl<'g, L: SerialLine> Session<'_, 'g, L> {
         }
     }
 
-    /// Notes the response sent, by its CRC.
+    /// Records the response sent, by its CRC.
     fn answered(&mut self, envelope: &Envelope, pdu: &[u8], crc: u16) {
         // A frame that begins after the response cannot have ended by then.
         let shortest = self.line.settings.chars(rtu::FRAME_BYTES_MIN);

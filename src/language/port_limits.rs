@@ -41,7 +41,7 @@ pub(super) const DOWN_AFTER: Count = Count("time-outs in a row", 0..=255);
 /// Boards may have fewer.
 pub(super) const CLIENTS: Count = Count("connections", 1..=1_000);
 
-pub(super) const RESERVED: Count = Count("places", 0..=1_000);
+pub(super) const RESERVED: Count = Count("connections", 0..=1_000);
 
 /// Messaging on TCP/IP 4.4.1.1 (NumberMaxOfServerTransaction): 1 to 16.
 pub(super) const PIPELINE: Count = Count("requests", 1..=16);

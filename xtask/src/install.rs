@@ -8,7 +8,7 @@ use crate::board;
 use crate::tools::{self, Outcome, command, program, read, root, run, succeeds};
 
 /// What the dependencies are for.
-#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, ValueEnum)]
 pub(crate) enum Group {
     /// The workspace's tests: third-party Modbus and EtherCAT programs
     Peers,

@@ -40,6 +40,7 @@ pub(crate) fn run_all(suites: &[Suite], install: bool) -> Outcome {
         );
     }
     let mut groups: Vec<Group> = suites.iter().flat_map(|suite| suite.needs()).copied().collect();
+    groups.sort();
     groups.dedup();
     // An empty list would mean all groups.
     if !groups.is_empty() {

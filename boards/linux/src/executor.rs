@@ -22,16 +22,13 @@ const ROUNDS_MAX: usize = 32;
 /// Runs the tasks that `init` spawns, and those that they spawn, until `end` is ready. Unfinished tasks are not dropped: the
 /// process is about to end.
 pub fn run<T>(init: impl FnOnce(Spawner), end: impl Future<Output = T>) -> T {
-    // Line silences must end in time, but the kernel's default slack may delay a wake-up by 50 us. Failure is harmless on systems
-    // without it.
-    let _ = set_current_timer_slack(NonZeroU64::new(1));
     let pended: &'static Pended = Box::leak(Box::new(Pended::new()));
     let context = std::ptr::from_ref(pended).cast_mut().cast::<()>();
     let executor: &'static raw::Executor = Box::leak(Box::new(raw::Executor::new(context)));
     init(executor.spawner());
 
-    // The silences between frames are timed in this thread, so the default timer slack of 50 us is too much. If the system refuses,
-    // it stays.
+    // This thread times the silences between frames, and the kernel's default slack may delay a wake-up by 50 us. A system without
+    // it may refuse.
     let _ = set_current_timer_slack(Some(NonZeroU64::MIN));
     let mut end = pin!(end);
     reactor::block_on(poll_fn(|context| {

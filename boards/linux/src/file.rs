@@ -17,7 +17,7 @@ const _: () = assert!(TEXT_BYTES_MAX == 262_144, "TOO_LONG names the number");
 /// Permissions of new files.
 const NEW_FILE_MODE: u32 = 0o644;
 /// Most symbolic links to follow, as in the kernel.
-const CONNECTIONS_MAX: usize = 40;
+const LINKS_MAX: usize = 40;
 /// Suffix of temporary files.
 const SAVING: &str = ".saving";
 
@@ -113,7 +113,7 @@ fn prefix(path: &Path) -> OsString {
 /// The target of `path` without links, `.` and `..`, even if it does not exist.
 pub fn resolve(path: &Path) -> PathBuf {
     let mut path = path.to_owned();
-    for _ in 0..CONNECTIONS_MAX {
+    for _ in 0..LINKS_MAX {
         if let Ok(path) = fs::canonicalize(&path) {
             return path;
         }

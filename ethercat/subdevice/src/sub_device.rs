@@ -49,10 +49,8 @@ const PDI_CONTROL_REPEAT: u8 = 1 << 1;
 enum Seen {
     /// Not checked.
     Nothing,
-    /// Not asserted.
     Quiet,
-    /// Asserted.
-    DirectRequestState,
+    Asserted,
 }
 
 /// A SubDevice on a controller, for an application.
@@ -249,7 +247,7 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
         self.op_without_outputs().await?;
         match seen {
             // There may be new events.
-            Seen::DirectRequestState => Ok(true),
+            Seen::Asserted => Ok(true),
             Seen::Quiet => self.exchange_mail(events).await,
             Seen::Nothing => Ok(self.exchange_mail(events).await? || events.any(self.wanted())),
         }

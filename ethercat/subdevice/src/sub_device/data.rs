@@ -73,7 +73,7 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
         self.read_outputs(ahead).await?;
         let mut seen = Seen::Quiet;
         if self.esc.asks().await? {
-            seen = Seen::DirectRequestState;
+            seen = Seen::Asserted;
             let events = Events(self.esc.events().await?);
             if events.any(Events::SYNC_MANAGER_CHANGED) {
                 return Ok(seen);

@@ -1,8 +1,6 @@
 //! The kinds of port in port lines: the start of the line, the keywords and their settings, and the list for errors.
 
-use core::fmt::{self, Display, Write};
-
-use heapless::String;
+use core::fmt::{self, Display};
 
 use super::field::Field;
 use super::port_keys::{Key, Keys, UNIT_KEYS};
@@ -263,8 +261,12 @@ impl PortKind {
     pub(crate) fn describe(&self, show: &mut Description<'_>) {
         match self {
             Self::Serial(SerialSettings { device, framing, side, line, .. }) => {
-                let mut role = String::<12>::new();
-                let _ = write!(role, "{framing} {side}"); // At most "ascii client".
+                let role = match (framing, side) {
+                    (Framing::Rtu, Side::Client) => "rtu client",
+                    (Framing::Rtu, Side::Server) => "rtu server",
+                    (Framing::Ascii, Side::Client) => "ascii client",
+                    (Framing::Ascii, Side::Server) => "ascii server",
+                };
                 show(&role, device, &line.speed());
             }
             Self::TcpServer(server) => show(&"tcp server", &server.listen, &server.framing),

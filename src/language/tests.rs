@@ -85,7 +85,7 @@ fn ports_are_read_by_value() {
     assert_eq!((p4.line.baud, p4.line.data_bits, p4.line.parity), (9_600, 7, Parity::Even));
     let Some(PortKind::TcpServer(p502)) = settings.ports[4].as_ref().map(|port| &port.kind) else { panic!() };
     assert_eq!((p502.listen.port, p502.clients, p502.reserved), (502, 16, 2));
-    assert_eq!(p502.reserved_for[1], IpPrefix { address: "10.0.0.7".parse().unwrap(), length: 32 });
+    assert_eq!(p502.reserved_for[1], IpPrefix::new("10.0.0.7".parse().unwrap(), 32).unwrap());
 }
 
 fn address(text: &str) -> ServerAddress {

@@ -125,20 +125,21 @@ fn parse_prefix(text: &str) -> Option<IpPrefix> {
     if length > bits {
         return None;
     }
-    match canonical(address) {
+    let (address, length) = match canonical(address) {
         IpAddr::V4(v4) => {
             let length = if bits == 128 { length.checked_sub(96)? } else { length };
             let mask = u32::MAX.checked_shl(32 - length).unwrap_or(0);
             let address = core::net::Ipv4Addr::from_bits(v4.to_bits() & mask);
-            Some(IpPrefix { address: IpAddr::V4(address), length: length as u8 })
+            (IpAddr::V4(address), length)
         }
         IpAddr::V6(v6) if IPV6 => {
             let mask = u128::MAX.checked_shl(128 - length).unwrap_or(0);
             let address = core::net::Ipv6Addr::from_bits(v6.to_bits() & mask);
-            Some(IpPrefix { address: IpAddr::V6(address), length: length as u8 })
+            (IpAddr::V6(address), length)
         }
-        IpAddr::V6(_) => None,
-    }
+        IpAddr::V6(_) => return None,
+    };
+    IpPrefix::new(address, length as u8)
 }
 
 fn parse_address(text: &str) -> Option<IpAddr> {

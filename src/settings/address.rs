@@ -1,6 +1,9 @@
 //! Peer addresses: prefixes, access lists, and how addresses are printed.
 
 use core::fmt::{self, Display};
+// Without the feature `ipv6`, see `Stored`.
+#[cfg(not(feature = "ipv6"))]
+use core::net::Ipv4Addr;
 use core::net::{IpAddr, SocketAddr};
 
 use heapless::Vec;
@@ -33,22 +36,44 @@ impl Allowed {
 /// An IP address with a prefix length; a full length names one address.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct IpPrefix {
-    /// The address; bits after the prefix are zero.
-    pub address: IpAddr,
-    /// Leading bits that must agree: up to 32 for IPv4, up to 128 for IPv6.
-    pub length: u8,
+    /// Bits after the prefix are zero.
+    address: Stored,
+    length: u8,
 }
 
+/// Rows of the table must be small: an address is 17 bytes long where it may be one of IPv6, and 4 where it may not.
+#[cfg(feature = "ipv6")]
+type Stored = IpAddr;
+#[cfg(not(feature = "ipv6"))] // As above.
+type Stored = Ipv4Addr;
+
 impl IpPrefix {
+    /// The addresses that agree with `address` in the first `length` bits: up to 32 for IPv4, up to 128 for IPv6. The other bits of
+    /// `address` are zero. `None` for IPv6 without the feature `ipv6`.
+    pub fn new(address: IpAddr, length: u8) -> Option<Self> {
+        // The types differ.
+        #[cfg(not(feature = "ipv6"))]
+        let IpAddr::V4(address) = address else { return None };
+        Some(Self { address, length })
+    }
+
+    fn address(&self) -> IpAddr {
+        // As above.
+        #[cfg(feature = "ipv6")]
+        return self.address;
+        #[cfg(not(feature = "ipv6"))]
+        return IpAddr::V4(self.address);
+    }
+
     /// Whether `other` is contained in this prefix.
     pub(crate) fn covers(&self, other: &Self) -> bool {
-        self.length <= other.length && self.contains(other.address)
+        self.length <= other.length && self.contains(other.address())
     }
 
     /// Whether `peer` matches the prefix. An IPv4 peer written as IPv6 (`::ffff:a.b.c.d`) counts as IPv4.
     pub fn contains(&self, peer: IpAddr) -> bool {
         let length = u32::from(self.length);
-        match (canonical(self.address), canonical(peer)) {
+        match (canonical(self.address()), canonical(peer)) {
             (IpAddr::V4(own), IpAddr::V4(peer)) => {
                 (own.to_bits() ^ peer.to_bits()).leading_zeros() >= length.min(32)
             }
@@ -68,8 +93,8 @@ pub(crate) fn canonical(address: IpAddr) -> IpAddr {
 /// `192.168.1.7` for a whole address, `192.168.1.0/24` for a prefix.
 impl Display for IpPrefix {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let bits = if self.address.is_ipv4() { 32 } else { 128 };
-        match self.address {
+        let bits = if self.address().is_ipv4() { 32 } else { 128 };
+        match self.address() {
             IpAddr::V6(address) if IPV6 => write!(f, "{address}"),
             IpAddr::V6(_) => Ok(()),
             IpAddr::V4(address) => write!(f, "{address}"),

@@ -77,9 +77,9 @@ pub fn run(folder: &Path, wanted: u64) {
 
 /// How far a line's counters are from what its devices heard, and from each other.
 fn unaccounted(console: &mut crate::Console, bus: &Bus, port: &str) -> u64 {
-    let requests = console.count(port, "requests");
+    let [requests, proofs] = ["requests", "proofs"].map(|event| console.count(port, event));
     let ended: u64 = ["answers", "timeouts", "damaged"].iter().map(|event| console.count(port, event)).sum();
-    requests.abs_diff(bus.requests()) + requests.abs_diff(ended)
+    (requests + proofs).abs_diff(bus.requests()) + requests.abs_diff(ended)
 }
 
 /// One client after the other until all have got their responses; how many of those were wrong, and how many the board's, for a

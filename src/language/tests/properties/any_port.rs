@@ -21,11 +21,11 @@ pub(super) fn duration(us: core::ops::RangeInclusive<u64>) -> impl Strategy<Valu
 pub(super) fn any_prefix() -> impl Strategy<Value = IpPrefix> {
     let v4 = (any::<u32>(), 0..=32_u8).prop_map(|(bits, length)| {
         let mask = u32::MAX.checked_shl(32 - u32::from(length)).unwrap_or(0);
-        IpPrefix { address: IpAddr::V4((bits & mask).into()), length }
+        IpPrefix::new(IpAddr::V4((bits & mask).into()), length).unwrap()
     });
     let v6 = (any::<u128>(), 0..=128_u8).prop_map(|(bits, length)| {
         let mask = u128::MAX.checked_shl(128 - u32::from(length)).unwrap_or(0);
-        IpPrefix { address: IpAddr::V6((bits & mask).into()), length }
+        IpPrefix::new(IpAddr::V6((bits & mask).into()), length).unwrap()
     });
     prop_oneof![v4, v6]
 }

@@ -44,27 +44,23 @@ struct CaseText {
 
 /// What hangs on a serial line.
 #[derive(Deserialize, Clone, Default)]
-#[serde(deny_unknown_fields)]
+#[serde(default, deny_unknown_fields)]
 pub(crate) struct Bus {
     /// Speed and format of the devices where it is not what the gateway's settings say: a settings line's words.
     pub(crate) line: Option<String>,
     /// The gateway's adapter hears itself.
-    #[serde(default)]
     pub(crate) echo: bool,
-    #[serde(default)]
     pub(crate) device: Vec<Device>,
 }
 
 /// A listener behind which devices are.
 #[derive(Deserialize, Clone, Default)]
-#[serde(deny_unknown_fields)]
+#[serde(default, deny_unknown_fields)]
 pub(crate) struct Server {
     /// What it is called, for settings that name it.
     pub(crate) name: Option<String>,
     /// It speaks RTU over TCP.
-    #[serde(default)]
     pub(crate) rtu: bool,
-    #[serde(default)]
     pub(crate) device: Vec<Device>,
 }
 

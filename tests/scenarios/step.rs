@@ -210,11 +210,7 @@ fn of_point(words: &[&str]) -> Result<OfPoint, String> {
         [":", "write", values @ ..] => OfPoint::IsWritten(Some(values.join(" "))),
         [":", "begin"] => OfPoint::Begin,
         [":", "finish"] => OfPoint::Finish,
-        _ => {
-            return Err(
-                "a point is something, holds values, or is read, written, begun or finished".to_owned()
-            );
-        }
+        _ => Err("a point is something, holds values, or is read, written, begun or finished")?,
     })
 }
 
@@ -227,12 +223,7 @@ fn of_wire(words: &[&str]) -> Result<OfWire, String> {
         [":", "noise", noise @ ..] => OfWire::Noise(bytes(noise)?),
         [":", "babbles", "for", time] => OfWire::Babbles(duration(time)?),
         ["carried", count, "frame" | "frames", "from", "the", "gateway"] => OfWire::Carried(number(count)?),
-        _ => {
-            return Err(
-                "a wire is unplugged, plugged in, swapped or right, has noise, babbles, or carried frames"
-                    .to_owned(),
-            );
-        }
+        _ => Err("a wire is unplugged, plugged in, swapped or right, has noise, babbles, or carried frames")?,
     })
 }
 

@@ -61,7 +61,6 @@ fn no_file_imports_from_a_floor_above() {
     assert_none("imports from a floor above", &faults);
 }
 
-/// The floor on which a file is.
 fn floor(file: &Path) -> usize {
     let room = |room: &&str| file.starts_with(room) || file == Path::new(&format!("{room}.rs"));
     let on = |rooms: &&[&str]| rooms.iter().any(room);

@@ -14,7 +14,6 @@ pub(crate) type ModulePath = Vec<String>;
 /// A path in the code, by its names.
 pub(crate) type Names = Vec<String>;
 
-/// One module.
 #[derive(Default)]
 pub(crate) struct Module {
     /// Where it is, from the folder of the crate's root on.

@@ -14,7 +14,6 @@ use syn::{
 
 use crate::scope::FEATURES;
 
-/// One change.
 pub(crate) struct Change {
     /// What is there instead, or what is returned.
     pub(crate) text: String,
@@ -447,20 +446,16 @@ mod tests {
 
     #[test]
     fn a_condition_is_tried_both_ways_and_at_its_border() {
-        assert_eq!(
-            changes("if a < b { x } else { y }"),
-            ["`a < b` to `true`", "`a < b` to `false`", "`a < b` to `a <= b`"]
-        );
+        let expected = ["`a < b` to `true`", "`a < b` to `false`", "`a < b` to `a <= b`"];
+        assert_eq!(changes("if a < b { x } else { y }"), expected);
         assert_eq!(changes("if a == b { x } else { y }"), ["`a == b` to `true`", "`a == b` to `false`"]);
         assert_eq!(changes("let equal = a == b; x"), ["`a == b` to `a != b`"]);
     }
 
     #[test]
     fn each_part_of_a_chain_is_left_out() {
-        assert_eq!(
-            changes("let all = a && b && c; x"),
-            ["`a && b && c` to `a && b`", "`a && b` to `a`", "`a && b` to `b`"]
-        );
+        let expected = ["`a && b && c` to `a && b`", "`a && b` to `a`", "`a && b` to `b`"];
+        assert_eq!(changes("let all = a && b && c; x"), expected);
         assert_eq!(changes("if let Some(c) = d && e { x } else { y }"), ["`e` to `true`", "`e` to `false`"]);
     }
 
@@ -476,11 +471,8 @@ mod tests {
     #[test]
     fn calls_and_assignments_are_left_out_and_arms_of_a_match() {
         assert_eq!(changes("c(); a = b; x"), ["without `c();`", "without `a = b;`"]);
-        assert_eq!(
-            changes("match a { Some(3) => x, _ => y }"),
-            ["without the arm `Some(3)`"],
-            "patterns stay as they are"
-        );
+        let arms = changes("match a { Some(3) => x, _ => y }");
+        assert_eq!(arms, ["without the arm `Some(3)`"], "patterns stay as they are");
         assert_eq!(changes("match a { Some(3) => y, _ => y }"), [""; 0], "which would be the same");
     }
 

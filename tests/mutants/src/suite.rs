@@ -19,7 +19,6 @@ const SECONDS_OF_THE_CLOCK: u64 = 60;
 /// What a test may take of the memory.
 const KIB: u64 = 4 << 20;
 
-/// One test.
 #[derive(Debug)]
 pub(crate) struct Test {
     program: PathBuf,

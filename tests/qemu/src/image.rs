@@ -10,9 +10,6 @@ pub fn root() -> PathBuf {
 }
 
 /// The image of the QEMU board, built anew if anything has changed.
-///
-/// # Panics
-/// When it cannot be built.
 pub fn build() -> PathBuf {
     static BUILT: OnceLock<()> = OnceLock::new();
     BUILT.get_or_init(|| {

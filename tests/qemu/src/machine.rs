@@ -33,9 +33,6 @@ pub struct Machine {
 
 impl Machine {
     /// Starts the board in `folder`, where its flash is kept, and waits until its network is up.
-    ///
-    /// # Panics
-    /// When that does not come about.
     pub fn start(folder: &Path, options: Options) -> Self {
         let machine = Self::start_only(folder, options);
         machine.logs("network up");

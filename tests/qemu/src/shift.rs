@@ -152,10 +152,8 @@ fn beside(machine: &Machine, units: &[u8], clock_hz: Option<f64>, act: impl FnOn
     });
     if !units.is_empty() {
         let wanted = units.len() as f64 * begun.elapsed().as_secs_f64() / period.as_secs_f64();
-        assert!(
-            f64::from(others) >= 0.9 * wanted,
-            "the others had {others} transactions instead of {wanted}"
-        );
+        let is_fair = f64::from(others) >= 0.9 * wanted;
+        assert!(is_fair, "the others had {others} transactions instead of {wanted}");
     }
 }
 

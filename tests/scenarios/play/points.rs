@@ -43,7 +43,6 @@ impl Stage<'_, '_, '_> {
         done.map_err(|refused| refused.to_string())
     }
 
-    /// Marks a range of a device.
     pub(super) fn mark(&self, device: &str, function: u8, range: (u16, u16)) -> Result<(), String> {
         let id = self.rig.gateway.settings(|settings| settings.find_device(device));
         let id = DeviceId(id.ok_or("there is no such device")?);

@@ -87,7 +87,8 @@ impl Store for NoStore {
     }
 }
 
-struct Simulator;
+/// A board that does nothing when it is to be restarted.
+pub struct Simulator;
 
 impl System for Simulator {
     fn name(&self) -> &str {

@@ -75,9 +75,6 @@ pub struct Outcome {
 
 /// Drives for `time`, with values and the pause before each, up to `pause`, that `seed` draws. Now and then `progress` is told
 /// how much of the time has passed.
-///
-/// # Panics
-/// When the MainDevice cannot start the gateway.
 pub fn drive(
     conditions: Conditions,
     seed: u64,

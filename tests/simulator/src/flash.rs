@@ -119,21 +119,9 @@ impl State {
         let border = self.random.index(to.len());
         let share = [0.1, 0.5, 0.9][self.random.index(3)];
         for (nth, (byte, &new)) in self.bytes[at..].iter_mut().zip(to).enumerate() {
-            let changed = match torn {
-                Torn::Front => {
-                    if nth < border {
-                        BLANK
-                    } else {
-                        0
-                    }
-                }
-                Torn::Back => {
-                    if nth < border {
-                        0
-                    } else {
-                        BLANK
-                    }
-                }
+            let changed = match (torn, nth < border) {
+                (Torn::Front, true) | (Torn::Back, false) => BLANK,
+                (Torn::Front, false) | (Torn::Back, true) => 0,
                 _ => (0..8).fold(0, |mask, bit| mask | (u8::from(self.random.chance(share)) << bit)),
             };
             *byte = (*byte & !changed) | (new & changed);

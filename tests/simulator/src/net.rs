@@ -22,10 +22,10 @@ mod pipe;
 mod tests;
 mod udp;
 
-use outgoing::Outside;
-pub use outgoing::{OutgoingStream, Server, SimTcpConnect};
+use outgoing::{Outside, Socket};
+pub use outgoing::{Server, SimTcpConnect};
 pub use pipe::Path;
-use pipe::Pipe;
+pub(crate) use pipe::Pipe;
 use udp::Mailbox;
 pub use udp::{SimUdpHost, SimUdpSocket, UdpClient, Weather};
 
@@ -50,7 +50,7 @@ struct State {
 #[derive(Default)]
 struct Listener {
     hosts: usize,
-    backlog: VecDeque<ServerStream>,
+    backlog: VecDeque<(GatewayStream, SocketAddr)>,
     waiting: Vec<Waker>,
 }
 
@@ -114,13 +114,14 @@ impl Network {
         let down = Pipe::new(path, state.random.fork());
         let listener = state.listeners.get_mut(&port).filter(|listener| listener.backlog.len() < BACKLOG_MAX);
         let listener = listener.ok_or(ErrorKind::ConnectionRefused)?;
-        listener.backlog.push_back(ServerStream {
+        let stream = GatewayStream {
             incoming: up.clone(),
             outgoing: down.clone(),
-            peer: SocketAddr::new(from, client_port),
-            network: self.clone(),
             ended: false,
-        });
+            counted_in: Some(self.clone()),
+            _socket: None,
+        };
+        listener.backlog.push_back((stream, SocketAddr::new(from, client_port)));
         let waiting = std::mem::take(&mut listener.waiting);
         drop(state);
         waiting.into_iter().for_each(Waker::wake);
@@ -165,7 +166,7 @@ impl Drop for SimTcpHost {
 }
 
 impl TcpHost for SimTcpHost {
-    type Stream<'a> = ServerStream;
+    type Stream<'a> = GatewayStream;
 
     fn listen(&mut self, listen: &TcpListen) -> Result<(), OpenError> {
         let port = listen.port;
@@ -180,66 +181,75 @@ impl TcpHost for SimTcpHost {
         Ok(())
     }
 
-    async fn accept(&mut self, listen: &TcpListen) -> Result<(ServerStream, SocketAddr), OpenError> {
+    async fn accept(&mut self, listen: &TcpListen) -> Result<(GatewayStream, SocketAddr), OpenError> {
         self.listen(listen)?;
         let port = listen.port;
         poll_fn(|context| {
             let mut state = self.network.0.borrow_mut();
             let Some(listener) = state.listeners.get_mut(&port) else { return Poll::Pending };
-            let Some(stream) = listener.backlog.pop_front() else {
+            let Some(accepted) = listener.backlog.pop_front() else {
                 if !listener.waiting.iter().any(|waker| waker.will_wake(context.waker())) {
                     listener.waiting.push(context.waker().clone());
                 }
                 return Poll::Pending;
             };
             state.counters.accepted += 1;
-            let peer = stream.peer;
-            Poll::Ready(Ok((stream, peer)))
+            Poll::Ready(Ok(accepted))
         })
         .await
     }
 }
 
 /// The gateway's end of a connection. Dropped without [`close`](TcpStream::close) it resets the connection.
-pub struct ServerStream {
+pub struct GatewayStream {
     incoming: Pipe,
     outgoing: Pipe,
-    peer: SocketAddr,
-    network: Network,
     ended: bool,
+    /// Where it is counted how an accepted connection ends; those that the gateway made are not.
+    counted_in: Option<Network>,
+    /// In use by a connection that the gateway made.
+    _socket: Option<Socket>,
 }
 
-impl TcpStream for ServerStream {
+impl GatewayStream {
+    fn count(&self, end: impl FnOnce(&mut Counters)) {
+        if let Some(network) = &self.counted_in {
+            end(&mut network.0.borrow_mut().counters);
+        }
+    }
+}
+
+impl TcpStream for GatewayStream {
     /// What has been written still arrives, then the FIN.
     async fn close(mut self) {
         self.ended = true;
-        self.network.0.borrow_mut().counters.closed += 1;
+        self.count(|counters| counters.closed += 1);
         self.outgoing.finish();
         self.incoming.abandon();
     }
 }
 
-impl Drop for ServerStream {
+impl Drop for GatewayStream {
     fn drop(&mut self) {
         if !self.ended {
-            self.network.0.borrow_mut().counters.dropped += 1;
+            self.count(|counters| counters.dropped += 1);
             self.outgoing.reset();
             self.incoming.reset();
         }
     }
 }
 
-impl ErrorType for ServerStream {
+impl ErrorType for GatewayStream {
     type Error = ErrorKind;
 }
 
-impl Read for ServerStream {
+impl Read for GatewayStream {
     async fn read(&mut self, into: &mut [u8]) -> Result<usize, ErrorKind> {
         self.incoming.read(into).await
     }
 }
 
-impl Write for ServerStream {
+impl Write for GatewayStream {
     async fn write(&mut self, bytes: &[u8]) -> Result<usize, ErrorKind> {
         self.outgoing.write(bytes).await
     }
@@ -256,23 +266,10 @@ pub struct ClientStream {
     outgoing: Pipe,
 }
 
-/// The receiving half of a client's connection, for a task of its own. It does not keep the connection open.
-pub struct ClientReader(Pipe);
-
-impl ErrorType for ClientReader {
-    type Error = ErrorKind;
-}
-
-impl Read for ClientReader {
-    async fn read(&mut self, into: &mut [u8]) -> Result<usize, ErrorKind> {
-        self.0.read(into).await
-    }
-}
-
 impl ClientStream {
-    /// A second way to read, for a task that receives while another one sends.
-    pub fn reader(&self) -> ClientReader {
-        ClientReader(self.incoming.clone())
+    /// The receiving half, for a task that receives while another one sends. It does not keep the connection open.
+    pub(crate) fn reader(&self) -> Pipe {
+        self.incoming.clone()
     }
 
     /// Sends the FIN behind what was written, and goes on reading: a half-closed connection.

@@ -1,5 +1,6 @@
 //! Tests in a network of their own, with a virtual cable between two interfaces: a test runs itself again in a user and network
-//! namespace, so it needs no right and no traffic leaves it. And MainDevices in other programs, at one end of the cable.
+//! namespace, so it needs no right and no traffic leaves it. And MainDevices in other programs, at one end of the cable. What is
+//! missing or not allowed panics, and so does a test that fails in there.
 
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
@@ -19,9 +20,6 @@ pub const SECOND_SEGMENT_END: &str = "ecs1";
 const REPOSITORY: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
 
 /// Runs `body` in a network of its own, in which the two ends of a cable are up. `test` is the full name of the calling test.
-///
-/// # Panics
-/// When the test fails there, or a program is missing.
 pub fn in_own_network(test: &str, body: impl FnOnce()) {
     if is_inside() {
         prepare();
@@ -39,9 +37,6 @@ pub fn in_own_network(test: &str, body: impl FnOnce()) {
 }
 
 /// Ends a test by its name, and with what to do, where the system gives its user no namespaces.
-///
-/// # Panics
-/// When it does not.
 pub fn require_user_namespaces() {
     let tried = Command::new("unshare").args(["--user", "--map-root-user", "true"]).output();
     let tried = tried.expect("unshare is installed: apt-get install util-linux");
@@ -63,9 +58,6 @@ pub fn is_inside() -> bool {
 }
 
 /// This program once more, in a network of its own.
-///
-/// # Panics
-/// When the system does not say which program this is.
 pub fn again() -> Command {
     let mut again = Command::new("unshare");
     again.args(["--map-root-user", "--net"]).arg(std::env::current_exe().unwrap()).env(INSIDE, "1");
@@ -73,26 +65,17 @@ pub fn again() -> Command {
 }
 
 /// Switches the loopback interface on, and lays the cable.
-///
-/// # Panics
-/// When that is not allowed.
 pub fn prepare() {
     ip("link set lo up");
     lay_cable();
 }
 
 /// Connects both ends and switches them on.
-///
-/// # Panics
-/// When that is not allowed.
 pub fn lay_cable() {
     lay(MASTER_END, SEGMENT_END);
 }
 
 /// Lays the second cable.
-///
-/// # Panics
-/// When that is not allowed.
 pub fn lay_second_cable() {
     lay(SECOND_MASTER_END, SECOND_SEGMENT_END);
 }
@@ -107,18 +90,12 @@ fn lay(master: &str, segment: &str) {
 }
 
 /// Runs the program `ip` with these words.
-///
-/// # Panics
-/// When it fails.
 pub fn ip(words: &str) {
     let status = Command::new("ip").args(words.split(' ')).status();
     assert!(status.expect("ip is installed: apt-get install iproute2").success(), "ip {words}");
 }
 
 /// A Python that has `module`: the one that `MOBGATE_PYTHON` names, or else the virtual environment's.
-///
-/// # Panics
-/// When there is none.
 pub fn python(module: &str) -> OsString {
     let prepared = Path::new(REPOSITORY).join("target/python/bin/python3");
     let python = std::env::var_os("MOBGATE_PYTHON").unwrap_or(prepared.into());
@@ -129,17 +106,11 @@ pub fn python(module: &str) -> OsString {
 }
 
 /// Starts a script of `tests/ethercat/masters` with pysoem at the MainDevice's end of the cable.
-///
-/// # Panics
-/// When Python or pysoem is missing.
 pub fn start_master(script: &str, arguments: &[String]) -> Child {
     start_master_with("pysoem", script, arguments)
 }
 
 /// Starts a script of `tests/ethercat/masters` at the MainDevice's end of the cable, which needs the Python `module`.
-///
-/// # Panics
-/// When Python or the module is missing.
 pub fn start_master_with(module: &str, script: &str, arguments: &[String]) -> Child {
     let path: PathBuf = [REPOSITORY, "tests/ethercat/masters", script].iter().collect();
     let mut script = Command::new(python(module));

@@ -3,6 +3,8 @@
 //! Every serial device that the settings name is a wire of its own with the gateway on it, unless the names of two differ only
 //! behind an `@`: then both are on one wire, as two gateways would be. What else is on the wire the
 //! scenario adds. All of it lives on the stack of [`with_gateway`], and ends with it.
+//!
+//! Settings that are not good panic, and so does the name of a device or port that they do not have.
 
 use std::net::{IpAddr, Ipv4Addr};
 
@@ -16,7 +18,7 @@ use mobgate::scanner::ScannerState;
 use mobgate::settings::{Framing, PORTS_MAX, PortId, PortKind, SerialSettings, Settings, Side};
 use mobgate::stats::Event;
 
-use crate::client::Client;
+use crate::client::{Answer, Client};
 use crate::device::tcp::{Stream, serve as serve_tcp};
 use crate::device::{Device, serve_in};
 use crate::master::Master;
@@ -45,15 +47,8 @@ pub struct Size {
 impl Default for Size {
     /// 80 connections, 128 frames, every character read as it comes, lines opened at once, images of 512 bytes.
     fn default() -> Self {
-        let none = Duration::from_ticks(0);
-        Self {
-            frames: 128,
-            connections: 80,
-            late_reads: none,
-            rests: none,
-            opening: none,
-            ethercat: EthercatState::new,
-        }
+        let [late_reads, rests, opening] = [Duration::from_ticks(0); 3];
+        Self { frames: 128, connections: 80, late_reads, rests, opening, ethercat: EthercatState::new }
     }
 }
 
@@ -75,9 +70,6 @@ struct Line {
 }
 
 /// Runs `scenario` with a gateway of the usual size that has `settings`.
-///
-/// # Panics
-/// When the settings are not good.
 pub fn with_gateway<T>(
     seed: u64,
     settings: &str,
@@ -87,9 +79,6 @@ pub fn with_gateway<T>(
 }
 
 /// Runs `scenario` with a gateway of `size` that has `settings`. The gateway has been started and its listeners are open.
-///
-/// # Panics
-/// When the settings are not good.
 pub fn with_gateway_of<T>(
     size: Size,
     seed: u64,
@@ -100,9 +89,6 @@ pub fn with_gateway_of<T>(
 }
 
 /// Runs `scenario` with such a gateway in a world with this `clock`.
-///
-/// # Panics
-/// When the settings are not good.
 pub fn with_gateway_on<T>(
     clock: Clock,
     size: Size,
@@ -110,7 +96,7 @@ pub fn with_gateway_on<T>(
     settings: &str,
     scenario: impl for<'w> FnOnce(&mut World<'w>, &Rig<'w>) -> T,
 ) -> T {
-    let settings = parse(settings);
+    let settings = settings_of(settings);
     let lines = lines(&settings);
     let slots: Vec<Slot> = (0..size.frames).map(|_| Slot::new()).collect();
     let places = Ports::<PORTS_MAX>::new();
@@ -139,13 +125,11 @@ fn discarding(settings: &Settings) -> Duration {
     windows.max().unwrap_or(Duration::from_ticks(0))
 }
 
-fn parse(text: &str) -> Settings {
+/// The settings that these lines make.
+pub fn settings_of(lines: &str) -> Settings {
     let mut settings = Settings::new();
     let mut loader = Loader::new(&mut settings);
-    let loaded = loader.feed(text.as_bytes()).and_then(|()| loader.finish());
-    if let Err(error) = loaded {
-        panic!("{error}");
-    }
+    loader.feed(lines.as_bytes()).and_then(|()| loader.finish()).unwrap_or_else(|error| panic!("{error}"));
     settings
 }
 
@@ -177,9 +161,9 @@ impl<'g> Rig<'g> {
     fn start(&self, world: &World<'g>, size: Size) {
         let gateway = self.gateway;
         world.spawn(gateway.route());
-        let board = SimSerial::new().with_late_reads(size.late_reads).with_rests(size.rests);
-        let board = board.with_opening(size.opening);
-        let board = self.lines.iter().fold(board, |board, line| board.with(&line.device, &line.end));
+        let Size { late_reads, rests, opening, .. } = size;
+        let devices = self.lines.iter().map(|line| (line.device.clone(), line.end.clone())).collect();
+        let board = SimSerial { devices, late_reads, rests, opening };
         for port in 0..PORTS_MAX {
             let mut host = board.clone();
             let (connector, mut datagrams) = (self.network.connector(), self.network.udp_host());
@@ -194,17 +178,11 @@ impl<'g> Rig<'g> {
     }
 
     /// The wire that the gateway knows as `device`.
-    ///
-    /// # Panics
-    /// When the settings at the start named no such device.
     pub fn wire(&self, device: &str) -> &Wire {
         &self.line(device).wire
     }
 
     /// The gateway's own connection to the wire `device`.
-    ///
-    /// # Panics
-    /// When the settings at the start named no such device.
     pub fn end(&self, device: &str) -> &LineEnd {
         &self.line(device).end
     }
@@ -215,47 +193,40 @@ impl<'g> Rig<'g> {
     }
 
     /// Puts `devices` on the wire `device`, at one connection to it, with the gateway's speed, format and framing.
-    ///
-    /// # Panics
-    /// When the settings at the start named no such device.
     pub fn attach(&self, world: &World<'g>, device: &str, devices: impl Into<Vec<Device>>) {
         let Line { wire, end, framing, .. } = self.line(device);
         world.spawn(serve_in(*framing, wire.tap(end.line()), devices.into()));
     }
 
     /// A master on the wire `device`, with the gateway's speed, format and framing.
-    ///
-    /// # Panics
-    /// When the settings at the start named no such device.
     pub fn master(&self, device: &str) -> Master {
         let Line { wire, end, framing, .. } = self.line(device);
         Master::new(wire.tap(end.line()), *framing)
     }
 
     /// The framing of the wire `device`.
-    ///
-    /// # Panics
-    /// When the settings at the start named no such device.
     pub fn framing(&self, device: &str) -> Framing {
         self.line(device).framing
     }
 
     /// Puts `devices` into the network, behind Modbus TCP at `address`.
     pub fn attach_tcp(&self, world: &World<'g>, address: &str, devices: impl Into<Vec<Device>>) {
+        self.attach_at(world, address, false, devices);
+    }
+
+    /// Puts `devices` into the network at `address`, behind RTU over TCP or behind Modbus TCP.
+    pub fn attach_at(&self, world: &World<'g>, address: &str, is_rtu: bool, devices: impl Into<Vec<Device>>) {
+        let stream = if is_rtu { Stream::Rtu } else { Stream::Mbap };
         let address = address.parse().expect("an address such as 10.0.1.1:502");
-        world.spawn(serve_tcp(self.network.serve(address), Stream::Mbap, devices.into(), world.spawner()));
+        world.spawn(serve_tcp(self.network.serve(address), stream, devices.into(), world.spawner()));
     }
 
     /// Puts `devices` into the network, behind RTU over TCP at `address`.
     pub fn attach_rtu_over_tcp(&self, world: &World<'g>, address: &str, devices: impl Into<Vec<Device>>) {
-        let address = address.parse().expect("an address such as 10.0.1.1:502");
-        world.spawn(serve_tcp(self.network.serve(address), Stream::Rtu, devices.into(), world.spawner()));
+        self.attach_at(world, address, true, devices);
     }
 
     /// What the gateway has sent on the wire `device`.
-    ///
-    /// # Panics
-    /// When the settings at the start named no such device.
     pub fn sent(&self, device: &str) -> EndRecord {
         let Line { wire, end, .. } = self.line(device);
         wire.record_of(end)
@@ -272,11 +243,14 @@ impl<'g> Rig<'g> {
     }
 
     /// A client on the machine `from`, connected to the gateway's TCP `port`.
-    ///
-    /// # Panics
-    /// When the gateway does not listen there.
     pub fn client(&self, from: IpAddr, port: u16) -> Client {
         Client::new(self.network.connect(from, port).expect("the gateway listens"))
+    }
+
+    /// The answer to a request on a connection of its own to port 502.
+    pub fn ask(&self, world: &mut World<'_>, unit: u8, pdu: &[u8]) -> Answer {
+        let mut client = self.client(machine(1), 502);
+        world.run_until(client.request(unit, pdu))
     }
 
     /// Changes the settings by a line, as a console does; an error is the text that the console would show.
@@ -287,9 +261,6 @@ impl<'g> Rig<'g> {
     }
 
     /// How often the port called `name` has counted `event`.
-    ///
-    /// # Panics
-    /// When there is no such port.
     pub fn counted(&self, name: &str, event: Event) -> u32 {
         let port = self.gateway.settings(|settings| settings.find(name));
         let port = port.unwrap_or_else(|| panic!("no port is called {name}"));
@@ -304,15 +275,11 @@ pub const fn machine(host: u8) -> IpAddr {
 
 #[cfg(test)]
 mod tests {
-    use std::net::{IpAddr, Ipv4Addr};
-
     use mobgate::stats::Event;
 
-    use super::with_gateway;
-    use crate::client::Answer;
+    use super::{Answer, with_gateway};
     use crate::device::Device;
 
-    const HERE: IpAddr = IpAddr::V4(Ipv4Addr::LOCALHOST);
     const SETTINGS: &str = "port bus serial uart1 rtu client 9600 8E1
         port P502 tcp server 502
         route P502 1-247 * * bus";
@@ -322,9 +289,7 @@ mod tests {
         with_gateway(1, SETTINGS, |world, rig| {
             let wire = rig.wire("uart1");
             world.spawn(Device::new(5).run(wire.tap(rig.end("uart1").line())));
-            let mut client = rig.client(HERE, 502);
-            let answer = world.run_until(client.request(5, &[3, 0, 7, 0, 1]));
-            assert_eq!(answer, Answer::Pdu(vec![3, 2, 5, 7]));
+            assert_eq!(rig.ask(world, 5, &[3, 0, 7, 0, 1]), Answer::Pdu(vec![3, 2, 5, 7]));
             assert_eq!(rig.counted("bus", Event::Response), 1);
             assert_eq!(wire.collisions(), 0);
         });

@@ -11,38 +11,20 @@ use crate::wire::LineEnd;
 /// Opens wire ends by device name. Clones know the same devices.
 #[derive(Clone, Default)]
 pub struct SimSerial {
-    devices: Vec<(String, LineEnd)>,
-    late_reads: Option<Duration>,
-    rests: Duration,
-    opening: Duration,
+    pub(crate) devices: Vec<(String, LineEnd)>,
+    /// There is an operating system or an adapter in between: what is heard is read at multiples of this time only.
+    pub(crate) late_reads: Duration,
+    /// It sleeps while characters gather of which it needs none alone, and so may read this late. Without such a time it never
+    /// sleeps.
+    pub(crate) rests: Duration,
+    /// So long it takes to open a line.
+    pub(crate) opening: Duration,
 }
 
 impl SimSerial {
     /// A board without serial lines.
     pub fn new() -> Self {
         Self::default()
-    }
-
-    /// The board with an operating system or an adapter in between: what is heard is read at multiples of `late` only.
-    #[must_use]
-    pub fn with_late_reads(mut self, late: Duration) -> Self {
-        self.late_reads = (late > Duration::from_ticks(0)).then_some(late);
-        self
-    }
-
-    /// The board that sleeps while characters gather of which it needs none alone, and so may read this late. Without such a
-    /// time it never sleeps.
-    #[must_use]
-    pub fn with_rests(mut self, rests: Duration) -> Self {
-        self.rests = rests;
-        self
-    }
-
-    /// The board that takes so long to open a line.
-    #[must_use]
-    pub fn with_opening(mut self, opening: Duration) -> Self {
-        self.opening = opening;
-        self
     }
 
     /// The board with `end` as its device `name`; opening sets the end's speed and format.
@@ -61,8 +43,8 @@ impl SerialHost for SimSerial {
         if self.opening > Duration::default() {
             Timer::after(self.opening).await;
         }
-        let (_, end) =
-            self.devices.iter().find(|(name, _)| name == device).ok_or(error(OpenErrorKind::NotFound))?;
+        let found = self.devices.iter().find(|(name, _)| name == device);
+        let (_, end) = found.ok_or(error(OpenErrorKind::NotFound))?;
         let board = self.clone();
         end.open(*line).map(|end| SimLine { end, board, source: None }).map_err(|kind| match kind {
             ErrorKind::AddrInUse => error(OpenErrorKind::InUse),
@@ -71,7 +53,7 @@ impl SerialHost for SimSerial {
     }
 
     fn read_jitter(&self) -> Duration {
-        self.late_reads.unwrap_or_default().max(self.rests)
+        self.late_reads.max(self.rests)
     }
 
     fn never_underruns(&self) -> bool {
@@ -140,7 +122,8 @@ impl ErrorType for SimLine {
 
 impl Read for SimLine {
     async fn read(&mut self, into: &mut [u8]) -> Result<usize, ErrorKind> {
-        if let Some(late) = self.board.late_reads {
+        let late = self.board.late_reads;
+        if late > Duration::default() {
             self.end.readable().await;
             let now = Instant::now().as_ticks();
             Timer::at(Instant::from_ticks(now.next_multiple_of(late.as_ticks()))).await;

@@ -3,8 +3,18 @@
 use std::cell::Cell;
 use std::rc::Rc;
 
+use crate::random::each_seed;
+
 /// So few requests are too few to tell: they come from few worlds, and those differ more than the requests in them.
 const REQUESTS_MIN: u32 = 5_500;
+
+/// Lets the worlds of `count` seeds live. Of the requests of all worlds together at least `least` per cent must have got their
+/// response, which is the figure `name`.
+pub fn each_world(count: u64, name: &str, least: f64, mut live: impl FnMut(u64, &Share)) {
+    let share = Share::default();
+    each_seed(count, |seed| live(seed, &share));
+    share.demand(name, least);
+}
 
 /// Counts requests to devices that there are. Clones count together.
 #[derive(Debug, Clone, Default)]
@@ -22,10 +32,7 @@ impl Share {
         self.0.set([answered + good, asked + all]);
     }
 
-    /// Prints the share as the figure `name`, in per cent.
-    ///
-    /// # Panics
-    /// When it is less than `least`, unless there were too few requests to tell.
+    /// Prints the share as the figure `name`, in per cent; it must be `least`, unless there were too few requests to tell.
     pub fn demand(&self, name: &str, least: f64) {
         let [answered, asked] = self.0.get();
         let share = 100.0 * f64::from(answered) / f64::from(asked.max(1));

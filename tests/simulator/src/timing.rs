@@ -61,11 +61,8 @@ mod tests {
         for (baud, data_bits, parity, stop_bits, bits, char_ns, t1_5, t3_5) in TABLE {
             let line = LineSettings { baud, data_bits, parity, stop_bits, ..LineSettings::DEFAULT };
             assert_eq!(char_bits(&line), bits, "{line:?}");
-            assert_eq!(
-                [chars_ns(&line, 1), t1_5_ns(&line), t3_5_ns(&line)],
-                [char_ns, t1_5, t3_5],
-                "{line:?}"
-            );
+            let times = [chars_ns(&line, 1), t1_5_ns(&line), t3_5_ns(&line)];
+            assert_eq!(times, [char_ns, t1_5, t3_5], "{line:?}");
             // The gateway's, which are rounded up to its clock's microsecond.
             let core = [line.chars(1), line.t1_5(), line.t3_5()].map(|time| time.as_micros());
             assert_eq!(core, [char_ns, t1_5, t3_5].map(|ns| ns.div_ceil(1_000)), "{line:?}");

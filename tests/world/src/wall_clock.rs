@@ -48,9 +48,6 @@ pub fn run_beside<T>(
 }
 
 /// Milliseconds of the host's own clock, which other programs have too.
-///
-/// # Panics
-/// If the host has none.
 pub fn host_milliseconds() -> u64 {
     let now = clock_gettime(ClockId::CLOCK_MONOTONIC).unwrap();
     now.tv_sec() as u64 * 1_000 + now.tv_nsec() as u64 / 1_000_000

@@ -161,10 +161,8 @@ fn ethercrab_brings_the_board_to_op_and_values_pass_both_ways() {
             board.outputs_raw_mut()[..OUTPUT_BYTES].copy_from_slice(&outputs);
             buses[0].with(1, |memory| memory.input[10] = u16::from(round) << 8);
             buses[1].with(65, |memory| memory.input[7] = !u16::from(round));
-            assert!(
-                cycle_until(&dispatcher, &group, |_| written(&buses) == outputs).await,
-                "outputs {round}"
-            );
+            let arrived = cycle_until(&dispatcher, &group, |_| written(&buses) == outputs).await;
+            assert!(arrived, "outputs {round}");
             let seen = |inputs: &[u8]| inputs[..INPUT_BYTES] == expected_inputs(&buses);
             assert!(cycle_until(&dispatcher, &group, seen).await, "inputs {round}");
         }

@@ -7,12 +7,12 @@ use std::rc::Rc;
 use std::task::{Poll, Waker};
 
 use embassy_time::Instant;
-use embedded_io_async::{Read, Write};
+use embedded_io_async::Write;
 use mobgate::settings::Framing;
 
 use super::{FRAME_BYTES_MAX, Reply, frame, take_frame};
 use crate::framing::{self, Listener};
-use crate::net::{ClientReader, ClientStream};
+use crate::net::{ClientStream, Pipe};
 use crate::wire::LineEnd;
 use crate::world::World;
 
@@ -127,7 +127,7 @@ async fn hear(mut listener: Listener, framing: Framing, inbox: Rc<RefCell<Inbox>
     }
 }
 
-async fn receive(mut stream: ClientReader, inbox: Rc<RefCell<Inbox>>) {
+async fn receive(stream: Pipe, inbox: Rc<RefCell<Inbox>>) {
     let mut received = Vec::new();
     loop {
         let mut buffer = [0; FRAME_BYTES_MAX];

@@ -45,21 +45,17 @@ fn an_answer_is_found_in_split_and_coalesced_bytes() {
         _ => Vec::new(),
     };
     with_server(pieces, pair, async |client| {
-        let answer = client.request(9, &[3, 0, 0, 0, 1]).await;
-        assert_eq!(answer, Answer::Pdu(vec![3, 2, 0, 1]));
+        assert_eq!(client.request(9, &[3, 0, 0, 0, 1]).await, Answer::Pdu(vec![3, 2, 0, 1]));
         assert_eq!(client.receive().await.unwrap().pdu, [0x83, 2]);
     });
 }
 
 #[test]
 fn an_exception_is_told_from_an_answer() {
-    with_server(
-        Path::default(),
-        |_| frame(1, 9, &[0x83, 11]),
-        async |client| {
-            assert_eq!(client.request(9, &[3, 0, 0, 0, 1]).await.exception(), Some(11));
-        },
-    );
+    let refuses: Reaction = |_| frame(1, 9, &[0x83, 11]);
+    with_server(Path::default(), refuses, async |client| {
+        assert_eq!(client.request(9, &[3, 0, 0, 0, 1]).await.exception(), Some(11));
+    });
 }
 
 #[test]

@@ -19,21 +19,24 @@ async fn ask(master: &mut LineEnd, unit: u8, pdu: &[u8]) -> Option<Vec<u8>> {
     Some(heard.bytes)
 }
 
+/// A wire with these devices at one connection, and a master's.
+fn bus(devices: impl Into<Vec<Device>>) -> (World<'static>, Wire, LineEnd) {
+    let (world, wire) = (World::new(1), Wire::new());
+    world.spawn(serve(wire.tap(LINE), devices.into()));
+    let master = wire.tap(LINE);
+    (world, wire, master)
+}
+
 /// The response of a device with `fault` to a read of register 0.
 fn spoilt(fault: Fault) -> Option<Vec<u8>> {
-    let wire = Wire::new();
-    let mut world = World::new(1);
-    let device = Device::new(5).with_faults(Faults::new(7).with(When::Always, fault));
-    world.spawn(device.run(wire.tap(LINE)));
-    world.run_until(ask(&mut wire.tap(LINE), 5, &READ))
+    let (mut world, _, mut master) =
+        bus([Device::new(5).with_faults(Faults::new(7).with(When::Always, fault))]);
+    world.run_until(ask(&mut master, 5, &READ))
 }
 
 #[test]
 fn an_answer_comes_after_the_silence_and_the_turnaround() {
-    let wire = Wire::new();
-    let mut world = World::new(1);
-    world.spawn(Device::new(5).run(wire.tap(LINE)));
-    let mut master = wire.tap(LINE);
+    let (mut world, wire, mut master) = bus([Device::new(5)]);
     let heard = world.run_until(ask(&mut master, 5, &READ)).unwrap();
     assert_eq!(rtu::open(&heard), Some((5, &[3, 2, 5, 0][..])));
     let frames = wire.frames();
@@ -44,11 +47,8 @@ fn an_answer_comes_after_the_silence_and_the_turnaround() {
 
 #[test]
 fn devices_on_one_connection_answer_for_their_own_unit_only() {
-    let wire = Wire::new();
-    let mut world = World::new(1);
-    let devices = vec![Device::new(1), Device::new(2)];
-    world.spawn(serve(wire.tap(LINE), devices.clone()));
-    let mut master = wire.tap(LINE);
+    let devices = [Device::new(1), Device::new(2)];
+    let (mut world, _, mut master) = bus(devices.clone());
     let second = world.run_until(ask(&mut master, 2, &READ)).unwrap();
     assert_eq!(rtu::open(&second), Some((2, &[3, 2, 2, 0][..])));
     assert_eq!(world.run_until(ask(&mut master, 3, &READ)), None);
@@ -58,12 +58,9 @@ fn devices_on_one_connection_answer_for_their_own_unit_only() {
 
 #[test]
 fn a_broadcast_is_executed_by_all_and_answered_by_none() {
-    let wire = Wire::new();
-    let mut world = World::new(1);
-    let devices = vec![Device::new(1), Device::new(2)];
-    world.spawn(serve(wire.tap(LINE), devices.clone()));
-    let answer = world.run_until(ask(&mut wire.tap(LINE), 0, &[6, 0, 9, 0x12, 0x34]));
-    assert_eq!(answer, None);
+    let devices = [Device::new(1), Device::new(2)];
+    let (mut world, _, mut master) = bus(devices.clone());
+    assert_eq!(world.run_until(ask(&mut master, 0, &[6, 0, 9, 0x12, 0x34])), None);
     for device in devices {
         assert_eq!(device.memory().holding[9], 0x1234);
         assert!(device.writes()[0].broadcast);
@@ -72,11 +69,8 @@ fn a_broadcast_is_executed_by_all_and_answered_by_none() {
 
 #[test]
 fn a_torn_or_damaged_request_is_counted_and_not_answered() {
-    let wire = Wire::new();
-    let mut world = World::new(1);
     let device = Device::new(1);
-    world.spawn(device.clone().run(wire.tap(LINE)));
-    let mut master = wire.tap(LINE);
+    let (mut world, _, mut master) = bus([device.clone()]);
     world.run_until(async {
         let frame = rtu::frame(1, &READ);
         master.write_all(&frame[..3]).await.unwrap();
@@ -93,10 +87,7 @@ fn a_torn_or_damaged_request_is_counted_and_not_answered() {
 
 #[test]
 fn fresh_registers_differ_at_every_read() {
-    let wire = Wire::new();
-    let mut world = World::new(1);
-    world.spawn(Device::new(1).with_fresh(100).run(wire.tap(LINE)));
-    let mut master = wire.tap(LINE);
+    let (mut world, _, mut master) = bus([Device::new(1).with_fresh(100)]);
     for reads in 1..=3 {
         let heard = world.run_until(ask(&mut master, 1, &[4, 0, 100, 0, 4])).unwrap();
         let fresh = Fresh::from_response(rtu::open(&heard).unwrap().1).unwrap();
@@ -112,15 +103,11 @@ fn a_dead_device_is_silent() {
 
 #[test]
 fn a_late_answer_does_not_keep_the_next_request_from_its_answer() {
-    let wire = Wire::new();
-    let mut world = World::new(1);
     let late = Fault::Late(Duration::from_millis(1_500), Duration::from_millis(1_500));
     let slow = Device::new(1).with_faults(Faults::new(1).with(When::Always, late));
-    world.spawn(serve(wire.tap(LINE), vec![slow, Device::new(2)]));
-    let mut master = wire.tap(LINE);
+    let (mut world, _, mut master) = bus([slow, Device::new(2)]);
     assert_eq!(world.run_until(ask(&mut master, 1, &READ)), None);
-    let quick = world.run_until(ask(&mut master, 2, &READ)).unwrap();
-    assert_eq!(quick[0], 2);
+    assert_eq!(world.run_until(ask(&mut master, 2, &READ)).unwrap()[0], 2);
     let mut buffer = [0; 64];
     let count = world.run_until(master.read(&mut buffer)).unwrap();
     assert_eq!((count, buffer[0]), (1, 1), "the late answer comes all the same");
@@ -128,15 +115,8 @@ fn a_late_answer_does_not_keep_the_next_request_from_its_answer() {
 
 #[test]
 fn a_damaged_answer_does_not_open() {
-    let damages = [
-        Fault::BadCrc,
-        Fault::FlippedBit,
-        Fault::LostByte,
-        Fault::Truncated,
-        Fault::NoiseBefore(3),
-        Fault::NoiseAfter(3),
-    ];
-    for fault in damages {
+    use Fault::{BadCrc, FlippedBit, LostByte, NoiseAfter, NoiseBefore, Truncated};
+    for fault in [BadCrc, FlippedBit, LostByte, Truncated, NoiseBefore(3), NoiseAfter(3)] {
         let heard = spoilt(fault).unwrap();
         assert_eq!(rtu::open(&heard), None, "{fault:?}: {heard:x?}");
     }
@@ -157,12 +137,9 @@ fn a_forged_answer_opens_and_is_another() {
 
 #[test]
 fn a_gap_inside_splits_the_answer_on_the_wire() {
-    let wire = Wire::new();
-    let mut world = World::new(1);
     let gap = Fault::GapInside(Duration::from_millis(20));
     let device = Device::new(5).with_faults(Faults::new(7).with(When::Requests(2..=2), gap));
-    world.spawn(device.clone().run(wire.tap(LINE)));
-    let mut master = wire.tap(LINE);
+    let (mut world, _, mut master) = bus([device.clone()]);
     assert_eq!(world.run_until(ask(&mut master, 5, &READ)).unwrap().len(), 7);
     assert_eq!(world.run_until(ask(&mut master, 5, &READ)).unwrap().len(), 3);
     assert_eq!(device.faults_injected(), 1);
@@ -171,10 +148,8 @@ fn a_gap_inside_splits_the_answer_on_the_wire() {
 /// What a master hears that sends these requests to unit 5, so many milliseconds from the start on: the registers read, and when
 /// the responses have come, in milliseconds.
 fn answers(device: Device, requests: &[(u64, u8)]) -> Vec<(u8, u64)> {
-    let wire = Wire::new();
-    let mut world = World::new(1);
-    world.spawn(device.run(wire.tap(LINE)));
-    let (mut sender, hearer) = (wire.tap(LINE), wire.tap(LINE));
+    let (mut world, wire, mut sender) = bus([device]);
+    let hearer = wire.tap(LINE);
     let number = sender.number();
     let requests = requests.to_vec();
     world.spawn(async move {
@@ -211,10 +186,7 @@ fn a_late_answer_delays_those_behind_it() {
 fn two_halves_of_an_answer_have_no_other_between_them() {
     let pause = Duration::from_millis(300);
     let halves = Faults::new(1).with(When::Requests(1..=1), Fault::GapInside(pause));
-    let wire = Wire::new();
-    let mut world = World::new(1);
-    world.spawn(Device::new(5).with_faults(halves).run(wire.tap(LINE)));
-    let mut master = wire.tap(LINE);
+    let (mut world, _, mut master) = bus([Device::new(5).with_faults(halves)]);
     let mut ask = |register| world.run_until(ask(&mut master, 5, &[3, 0, register, 0, 1])).unwrap();
     let good = rtu::frame(5, &[3, 2, 5, 1]);
     assert_eq!(ask(1), good[..3]);
@@ -225,8 +197,7 @@ fn two_halves_of_an_answer_have_no_other_between_them() {
         let count = master.read(&mut buffer).await.unwrap();
         buffer[..count].to_vec()
     };
-    let first = world.run_until(hear());
-    assert_eq!(first, [5], "then the other one");
+    assert_eq!(world.run_until(hear()), [5], "then the other one");
 }
 
 #[test]
@@ -234,11 +205,9 @@ fn answers_in_a_stream_are_whole_and_in_rtu_in_order() {
     for (in_order, expected) in [(true, vec![1, 1, 2]), (false, vec![2, 1, 1])] {
         let mut world = World::new(1);
         let late = Fault::Late(Duration::from_secs(2), Duration::from_secs(2));
-        let first = |fault| (When::Requests(1..=1), fault);
-        let faults = [first(late), first(Fault::GapInside(Duration::from_secs(2)))];
-        let faults =
-            faults.into_iter().fold(Faults::new(1), |faults, (when, fault)| faults.with(when, fault));
-        let device = Device::new(5).with_faults(faults);
+        let gap = Fault::GapInside(Duration::from_secs(2));
+        let first = || When::Requests(1..=1);
+        let device = Device::new(5).with_faults(Faults::new(1).with(first(), late).with(first(), gap));
         let mut outbox = super::Outbox::new();
         let mut ask = |register| {
             let frame = |unit, pdu: &[u8], _| rtu::frame(unit, pdu);
@@ -272,11 +241,9 @@ fn a_device_in_a_hiccup_answers_all_that_it_has_heard_when_it_ends() {
 #[test]
 fn a_request_that_is_lost_is_not_carried_out_and_one_whose_response_is_lost_is() {
     for (fault, written) in [(Fault::Unheard, 0), (Fault::Dead, 1)] {
-        let wire = Wire::new();
-        let mut world = World::new(1);
         let device = Device::new(5).with_faults(Faults::new(1).with(When::Always, fault));
-        world.spawn(device.clone().run(wire.tap(LINE)));
-        assert_eq!(world.run_until(ask(&mut wire.tap(LINE), 5, &[6, 0, 1, 0, 2])), None);
+        let (mut world, _, mut master) = bus([device.clone()]);
+        assert_eq!(world.run_until(ask(&mut master, 5, &[6, 0, 1, 0, 2])), None);
         assert_eq!(device.writes().len(), written, "{fault:?}");
         assert_eq!(device.faults_injected(), 1);
     }

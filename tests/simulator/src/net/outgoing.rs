@@ -6,12 +6,11 @@ use std::net::{IpAddr, SocketAddr};
 use std::task::{Poll, Waker};
 
 use embassy_time::Timer;
-use embedded_io_async::{ErrorKind, ErrorType, Read, Write};
-use mobgate::hal::{OpenError, OpenErrorKind, TcpConnect, TcpStream};
+use mobgate::hal::{OpenError, OpenErrorKind, TcpConnect};
 use mobgate::settings::{Host, ServerAddress};
 
 use super::pipe::{Path, Pipe};
-use super::{ClientStream, Network};
+use super::{ClientStream, GatewayStream, Network};
 
 const NO_NAME: OpenError = OpenError::new(OpenErrorKind::NotFound, "the name is not known");
 
@@ -114,9 +113,9 @@ impl Drop for Server {
 pub struct SimTcpConnect(Network);
 
 impl TcpConnect for SimTcpConnect {
-    type Stream<'a> = OutgoingStream;
+    type Stream<'a> = GatewayStream;
 
-    async fn connect(&self, server: &ServerAddress) -> Result<OutgoingStream, OpenError> {
+    async fn connect(&self, server: &ServerAddress) -> Result<GatewayStream, OpenError> {
         let ip = match &server.host {
             Host::Address(address) => *address,
             Host::Name(name) => self.0.look_up(name).ok_or(NO_NAME)?,
@@ -138,12 +137,13 @@ impl TcpConnect for SimTcpConnect {
         state.counters.made += 1;
         drop(state);
         waiting.into_iter().for_each(Waker::wake);
-        Ok(OutgoingStream { incoming: down, outgoing: up, ended: false, _socket: socket })
+        let (incoming, outgoing) = (down, up);
+        Ok(GatewayStream { incoming, outgoing, ended: false, counted_in: None, _socket: Some(socket) })
     }
 }
 
 /// One of the board's sockets, in use until it is dropped.
-struct Socket(Network);
+pub(super) struct Socket(Network);
 
 impl Socket {
     fn take(network: &Network) -> Option<Self> {
@@ -166,51 +166,5 @@ impl Drop for Socket {
             *left += 1;
         }
         state.counters.sockets -= 1;
-    }
-}
-
-/// The gateway's end of a connection that it made. Dropped without [`close`](TcpStream::close) it resets the connection.
-pub struct OutgoingStream {
-    incoming: Pipe,
-    outgoing: Pipe,
-    ended: bool,
-    _socket: Socket,
-}
-
-impl TcpStream for OutgoingStream {
-    async fn close(mut self) {
-        self.ended = true;
-        self.outgoing.finish();
-        self.incoming.abandon();
-    }
-}
-
-impl Drop for OutgoingStream {
-    fn drop(&mut self) {
-        if !self.ended {
-            self.outgoing.reset();
-            self.incoming.reset();
-        }
-    }
-}
-
-impl ErrorType for OutgoingStream {
-    type Error = ErrorKind;
-}
-
-impl Read for OutgoingStream {
-    async fn read(&mut self, into: &mut [u8]) -> Result<usize, ErrorKind> {
-        self.incoming.read(into).await
-    }
-}
-
-impl Write for OutgoingStream {
-    async fn write(&mut self, bytes: &[u8]) -> Result<usize, ErrorKind> {
-        self.outgoing.write(bytes).await
-    }
-
-    /// Waits for the peer's acknowledgement of everything, as embassy-net does.
-    async fn flush(&mut self) -> Result<(), ErrorKind> {
-        self.outgoing.acknowledged().await
     }
 }

@@ -30,19 +30,13 @@ pub struct Path {
 impl Default for Path {
     /// No latency, writes arrive whole, 64 KiB of window.
     fn default() -> Self {
-        let zero = Duration::from_ticks(0);
-        Self {
-            latency: zero,
-            piece_bytes_max: None,
-            piece_spacing: zero,
-            coalesce: zero,
-            window_bytes: 65_536,
-        }
+        let [latency, piece_spacing, coalesce] = [Duration::from_ticks(0); 3];
+        Self { latency, piece_bytes_max: None, piece_spacing, coalesce, window_bytes: 65_536 }
     }
 }
 
 #[derive(Clone)]
-pub(super) struct Pipe(Rc<RefCell<State>>);
+pub(crate) struct Pipe(Rc<RefCell<State>>);
 
 struct State {
     path: Path,
@@ -112,7 +106,7 @@ impl Pipe {
         state.wake_all();
     }
 
-    pub(super) async fn read(&self, into: &mut [u8]) -> Result<usize, ErrorKind> {
+    pub(crate) async fn read(&self, into: &mut [u8]) -> Result<usize, ErrorKind> {
         poll_fn(|context| self.0.borrow_mut().poll_read(context, into)).await
     }
 

@@ -7,14 +7,14 @@ use embedded_io_async::{ErrorKind, Read, Write};
 use mobgate::hal::{OpenErrorKind, TcpHost, TcpStream};
 use mobgate::settings::TcpListen;
 
-use super::{ClientStream, Network, Path, ServerStream};
+use super::{ClientStream, GatewayStream, Network, Path};
 use crate::world::World;
 
 const HERE: IpAddr = IpAddr::V4(Ipv4Addr::new(10, 0, 0, 7));
 const LISTEN: TcpListen = TcpListen { address: None, port: 502 };
 
 /// A connection over `path`, and `scenario` with its two ends.
-fn connected(path: Path, scenario: impl AsyncFnOnce(ClientStream, ServerStream)) {
+fn connected(path: Path, scenario: impl AsyncFnOnce(ClientStream, GatewayStream)) {
     let network = Network::new(3);
     let mut world = World::new(3);
     let mut host = network.host();
@@ -140,22 +140,14 @@ fn several_hosts_share_a_listener_and_the_last_takes_it_away() {
         .collect();
     world.run_for(Duration::from_ticks(1));
     let _clients = [network.connect(HERE, 502).unwrap(), network.connect(HERE, 502).unwrap()];
-    let waiting = network.connect(HERE, 502).unwrap();
-    let ports = world.run_until(async {
-        let mut ports = Vec::new();
-        for accepted in accepted {
-            ports.push(accepted.await);
-        }
-        ports
-    });
+    let mut waiting = network.connect(HERE, 502).unwrap();
+    let ports: Vec<u16> = accepted.into_iter().map(|accepted| world.run_until(accepted)).collect();
     assert_ne!(ports[0], ports[1]);
     drop(world);
     drop(hosts);
     assert!(!network.is_listening(502));
     let mut world = World::new(2);
-    let mut waiting = waiting;
-    let reset = world.run_until(waiting.read(&mut [0; 1]));
-    assert_eq!(reset, Err(ErrorKind::ConnectionReset));
+    assert_eq!(world.run_until(waiting.read(&mut [0; 1])), Err(ErrorKind::ConnectionReset));
 }
 
 #[test]
@@ -164,6 +156,5 @@ fn a_port_that_cannot_be_had_says_why() {
     network.refuse_listeners(502, Some(OpenErrorKind::Denied));
     let mut world = World::new(1);
     let mut host = network.host();
-    let error = world.run_until(host.accept(&LISTEN)).err().unwrap();
-    assert_eq!(error.kind, OpenErrorKind::Denied);
+    assert_eq!(world.run_until(host.accept(&LISTEN)).err().unwrap().kind, OpenErrorKind::Denied);
 }

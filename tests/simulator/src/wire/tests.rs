@@ -10,10 +10,16 @@ use crate::World;
 
 const LINE_9600: LineSettings = LineSettings { baud: 9_600, ..LineSettings::DEFAULT };
 
-fn pair(line: LineSettings) -> (Wire, LineEnd, LineEnd) {
+/// A wire of 9600 baud, and two ends on it.
+fn pair() -> (Wire, LineEnd, LineEnd) {
     let wire = Wire::new();
-    let (one, other) = (wire.tap(line), wire.tap(line));
+    let (one, other) = (wire.tap(LINE_9600), wire.tap(LINE_9600));
     (wire, one, other)
+}
+
+async fn send(end: &mut LineEnd, bytes: &[u8]) {
+    end.write_all(bytes).await.unwrap();
+    end.flush().await.unwrap();
 }
 
 async fn read_some(end: &mut LineEnd) -> (Vec<u8>, u64) {
@@ -25,7 +31,7 @@ async fn read_some(end: &mut LineEnd) -> (Vec<u8>, u64) {
 #[test]
 fn a_byte_at_9600_8e1_is_heard_after_eleven_bits() {
     let mut world = World::new(1);
-    let (_, mut one, mut other) = pair(LINE_9600);
+    let (_, mut one, mut other) = pair();
     let heard = world.run_until(async {
         one.write_all(&[0x55]).await.unwrap();
         read_some(&mut other).await
@@ -37,7 +43,7 @@ fn a_byte_at_9600_8e1_is_heard_after_eleven_bits() {
 #[test]
 fn a_long_run_does_not_gather_rounding() {
     let mut world = World::new(1);
-    let (_, mut one, _) = pair(LINE_9600);
+    let (_, mut one, _) = pair();
     world.run_until(async {
         one.write_all(&[0; 96]).await.unwrap();
         one.flush().await.unwrap();
@@ -49,7 +55,7 @@ fn a_long_run_does_not_gather_rounding() {
 #[test]
 fn a_read_gives_the_bytes_that_have_arrived_and_no_more() {
     let mut world = World::new(1);
-    let (_, mut one, mut other) = pair(LINE_9600);
+    let (_, mut one, mut other) = pair();
     let heard = world.run_until(async {
         one.write_all(&[1, 2, 3, 4]).await.unwrap();
         Timer::at(Instant::from_micros(2_400)).await;
@@ -61,12 +67,11 @@ fn a_read_gives_the_bytes_that_have_arrived_and_no_more() {
 #[test]
 fn bytes_written_while_sending_follow_without_a_gap() {
     let mut world = World::new(1);
-    let (wire, mut one, _other) = pair(LINE_9600);
+    let (wire, mut one, _other) = pair();
     world.run_until(async {
         one.write_all(&[1, 2]).await.unwrap();
         Timer::after_micros(2_000).await;
-        one.write_all(&[3]).await.unwrap();
-        one.flush().await.unwrap();
+        send(&mut one, &[3]).await;
     });
     assert_eq!(wire.frames().len(), 1);
     assert_eq!(wire.frames()[0].end_ns, 3_437_500);
@@ -75,7 +80,7 @@ fn bytes_written_while_sending_follow_without_a_gap() {
 #[test]
 fn nobody_hears_himself_unless_he_asks() {
     let mut world = World::new(1);
-    let (_, mut one, _) = pair(LINE_9600);
+    let (_, mut one, _) = pair();
     one.set_echo(true);
     let mut silent = one.clone();
     let heard = world.run_until(async {
@@ -92,7 +97,7 @@ fn nobody_hears_himself_unless_he_asks() {
 #[test]
 fn two_ends_that_send_at_once_damage_each_other() {
     let mut world = World::new(1);
-    let (wire, mut one, mut other) = pair(LINE_9600);
+    let (wire, mut one, mut other) = pair();
     let mut third = wire.tap(LINE_9600);
     let heard = world.run_until(async {
         one.write_all(&[1, 2, 3]).await.unwrap();
@@ -112,12 +117,11 @@ fn two_ends_that_send_at_once_damage_each_other() {
 #[test]
 fn an_end_of_another_speed_or_parity_hears_garbage() {
     let mut world = World::new(1);
-    let (wire, mut one, _) = pair(LINE_9600);
+    let (wire, mut one, _) = pair();
     let mut fast = wire.tap(LineSettings { baud: 19_200, ..LINE_9600 });
     let mut odd = wire.tap(LineSettings { parity: Parity::Odd, ..LINE_9600 });
     let (fast, odd) = world.run_until(async {
-        one.write_all(&[1, 2]).await.unwrap();
-        one.flush().await.unwrap();
+        send(&mut one, &[1, 2]).await;
         (read_some(&mut fast).await.0, read_some(&mut odd).await.0)
     });
     for heard in [fast, odd] {
@@ -128,14 +132,13 @@ fn an_end_of_another_speed_or_parity_hears_garbage() {
 #[test]
 fn a_frame_is_over_after_its_silence_and_knows_of_gaps() {
     let mut world = World::new(1);
-    let (_, mut one, other) = pair(LINE_9600);
+    let (_, mut one, other) = pair();
     let silence = Silence::of(&LINE_9600);
     let (whole, torn, at) = world.run_until(async {
         one.write_all(&[1, 2]).await.unwrap();
         let whole = other.frame(silence).await;
         let at = Instant::now().as_micros();
-        one.write_all(&[3]).await.unwrap();
-        one.flush().await.unwrap();
+        send(&mut one, &[3]).await;
         // More than t1.5 (1718.75 us), less than t3.5.
         Timer::after_micros(2_000).await;
         one.write_all(&[4]).await.unwrap();
@@ -150,7 +153,7 @@ fn a_frame_is_over_after_its_silence_and_knows_of_gaps() {
 #[test]
 fn the_record_tells_frames_gaps_and_time_on_the_wire() {
     let mut world = World::new(1);
-    let (wire, one, other) = pair(LINE_9600);
+    let (wire, one, other) = pair();
     world.run_until(async {
         for (end, pause_us) in [(&one, 5_000), (&other, 4_500), (&one, 100_000)] {
             let mut end = end.clone();
@@ -169,7 +172,7 @@ fn the_record_tells_frames_gaps_and_time_on_the_wire() {
 #[test]
 fn an_unplugged_adapter_ends_reads_and_writes_for_good() {
     let mut world = World::new(1);
-    let (_, mut one, mut other) = pair(LINE_9600);
+    let (_, mut one, mut other) = pair();
     world.run_until(async {
         let unplug = async {
             Timer::after_millis(5).await;
@@ -188,20 +191,17 @@ fn an_unplugged_adapter_ends_reads_and_writes_for_good() {
 #[test]
 fn an_ascii_frame_may_pause_inside_but_the_next_one_must_wait() {
     let mut world = World::new(1);
-    let (wire, mut one, _) = pair(LINE_9600);
+    let (wire, mut one, _) = pair();
     world.run_until(async {
         for characters in [b":0102", b"F1\r\n:", b"0102\n", b":0304"] {
-            one.write_all(characters).await.unwrap();
-            one.flush().await.unwrap();
+            send(&mut one, characters).await;
             Timer::after_millis(3).await;
         }
     });
     let hasty = |framing, pause_ms| {
         let (none, pause) = (Duration::from_ticks(0), Duration::from_millis(pause_ms));
-        wire.hasty_frames((&one, framing), none, pause)
-            .into_iter()
-            .map(|frame| frame.bytes)
-            .collect::<Vec<_>>()
+        let frames = wire.hasty_frames((&one, framing), none, pause);
+        frames.into_iter().map(|frame| frame.bytes).collect::<Vec<_>>()
     };
     assert_eq!(hasty(Framing::Ascii, 1_000), [b":0304"]);
     assert_eq!(hasty(Framing::Ascii, 0).len(), 3, "no pause is allowed");
@@ -211,14 +211,13 @@ fn an_ascii_frame_may_pause_inside_but_the_next_one_must_wait() {
 #[test]
 fn who_is_interrupted_in_a_frame_has_not_begun_a_new_one() {
     let mut world = World::new(1);
-    let (wire, mut one, mut other) = pair(LINE_9600);
+    let (wire, mut one, mut other) = pair();
     let mut third = wire.tap(LINE_9600);
     world.run_until(async {
         one.write_all(&[1, 2]).await.unwrap();
         Timer::after_micros(2_000).await;
         other.write_all(&[5, 6, 7]).await.unwrap();
-        one.write_all(&[3, 4]).await.unwrap();
-        one.flush().await.unwrap();
+        send(&mut one, &[3, 4]).await;
         // It has heard both of them.
         third.write_all(&[9]).await.unwrap();
     });
@@ -232,8 +231,8 @@ fn who_is_interrupted_in_a_frame_has_not_begun_a_new_one() {
 #[test]
 fn a_line_is_relayed_until_what_came_is_read() {
     let mut world = World::new(1);
-    let (_, mut device, source) = pair(LINE_9600);
-    let (_, target, _) = pair(LINE_9600);
+    let (_, mut device, source) = pair();
+    let (_, target, _) = pair();
     let (mut source, mut read) = (source, [0; 8]);
     world.run_until(async {
         source.begin_relay(Relay::new(3, 0), &target);

@@ -2,7 +2,8 @@
 
 use mobgate::gateway::response_times::ResponseTimes;
 use mobgate::gateway::unit_health::Unit;
-use mobgate_simulator::Random;
+
+use crate::prelude::*;
 
 /// How far a percentile may be off: the width of a class.
 const OFF: f64 = 0.6;

@@ -1,8 +1,8 @@
 //! Answers that are kept: a pure part.
 
-use embassy_time::{Duration, Instant};
 use mobgate::port::client::cache::{Cache, CacheKey, RESPONSE_BYTES_MAX, RESPONSES_MAX};
-use proptest::prelude::*;
+
+use crate::prelude::*;
 
 const NOW: Instant = Instant::from_secs(10);
 const AGE: Duration = Duration::from_secs(1);

@@ -4,16 +4,10 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::atomic::{AtomicU32, Ordering};
 
-use embassy_time::{Duration, Instant};
-use embedded_io_async::Read;
 use mobgate::capture::FRAMES_MAX;
-use mobgate::stats::Event;
-use mobgate_simulator::client::Answer;
-use mobgate_simulator::console::typed;
-use mobgate_simulator::fault::When;
 use mobgate_simulator::net::{ClientStream, Path as ReplyTo};
-use mobgate_simulator::rig::machine;
-use mobgate_simulator::{Device, Fault, Faults, Rig, World, rig};
+
+use crate::prelude::*;
 
 const SETTINGS: &str = "
 port bus serial uart1 rtu client 115200 8E1 timeout 30ms down-after 0

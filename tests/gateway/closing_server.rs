@@ -3,18 +3,11 @@
 use std::cell::RefCell;
 use std::rc::Rc;
 
-use embassy_time::{Duration, Timer};
-use embedded_io_async::{Read, Write};
-use mobgate::stats::Event;
-use mobgate_simulator::World;
-use mobgate_simulator::client::Answer;
 use mobgate_simulator::device::rtu::frame;
-use mobgate_simulator::net::Path;
-use mobgate_simulator::rig::{Rig, machine, with_gateway};
 
-const PLC: &str = "10.0.1.1:502";
+use crate::prelude::*;
+
 const REQUEST_BYTES: usize = 12;
-const MS: Duration = Duration::from_millis(1);
 
 fn settings(words: &str) -> String {
     format!(
@@ -26,8 +19,8 @@ fn settings(words: &str) -> String {
 
 /// Answers `answers` requests of each connection and closes it, `pause` after the last. Gives what it has carried out.
 fn serve(world: &World<'_>, rig: &Rig<'_>, answers: usize, pause: Duration) -> Rc<RefCell<Vec<[u8; 5]>>> {
-    let server = rig.network.serve(PLC.parse().unwrap());
-    rig.network.set_path(PLC.parse().unwrap(), Path { latency: MS, ..Path::default() });
+    let server = rig.network.serve(address(PLC));
+    rig.network.set_path(address(PLC), Path { latency: MS, ..Path::default() });
     let carried_out = Rc::<RefCell<Vec<[u8; 5]>>>::default();
     let done = carried_out.clone();
     world.spawn(async move {
@@ -92,11 +85,8 @@ fn reads_are_all_answered_by_a_server_that_closes_behind_each_answer() {
                     world.run_for(Duration::from_secs(2));
                     let counts = ask(world, rig, clients, |nth, turn| [3, nth, turn, 0, 1]);
                     let all = 100 * usize::from(clients);
-                    assert_eq!(
-                        counts,
-                        (all, 0),
-                        "{words}, {answers} answers, {pause_us} us, {clients} clients"
-                    );
+                    let case = format!("{words}, {answers} answers, {pause_us} us, {clients} clients");
+                    assert_eq!(counts, (all, 0), "{case}");
                     world.run_for(Duration::from_secs(10));
                     assert_eq!(rig.frames_in_use(), 0);
                 });
@@ -125,7 +115,7 @@ fn writes_are_sent_on_a_new_connection_where_the_end_of_the_old_one_has_come_and
 fn a_server_that_closes_without_an_answer_is_not_asked_again_and_again() {
     with_gateway(1, &settings(""), |world, rig| {
         // The first connection has a response, all others have none.
-        let server = rig.network.serve(PLC.parse().unwrap());
+        let server = rig.network.serve(address(PLC));
         world.spawn(async move {
             for turn in 0.. {
                 let mut stream = server.accept().await;
@@ -162,7 +152,7 @@ fn sent_again_for_all(policy: &str, registers: [u8; 3]) {
     );
     with_gateway(1, &settings, |world, rig| {
         // The first connection ends when it is asked a second time.
-        let server = rig.network.serve(PLC.parse().unwrap());
+        let server = rig.network.serve(address(PLC));
         world.spawn(async move {
             for answers in [1, usize::MAX] {
                 let mut stream = server.accept().await;

@@ -3,14 +3,14 @@
 
 use std::convert::Infallible;
 
-use embassy_time::{Duration, Timer};
-use embedded_io_async::{ErrorType, Read, Write};
+use embedded_io_async::ErrorType;
 use mobgate::console::{Ended, Mode, run};
 use mobgate::gateway::Gateway;
-use mobgate::hal::{Store, StoreError, System};
-use mobgate::settings::Settings;
+use mobgate::hal::{Store, StoreError};
+use mobgate_simulator::console::Simulator;
 use mobgate_simulator::random::{Random, chosen};
-use mobgate_simulator::{Device, World, rig};
+
+use crate::prelude::*;
 
 const SETTINGS: &str = "
 port bus serial uart1 rtu client 115200 8E1 timeout 20ms
@@ -221,16 +221,6 @@ impl Store for Memory {
     }
 }
 
-struct Board;
-
-impl System for Board {
-    fn name(&self) -> &str {
-        "board"
-    }
-
-    fn reboot(&self) {}
-}
-
 /// Types as many lines of `seed` in `mode`; gives how many changed the settings, and how many were refused.
 fn type_lines(seed: u64, mode: Mode) -> (usize, usize) {
     rig::with_gateway(seed, SETTINGS, |world: &mut World<'_>, rig| {
@@ -243,12 +233,12 @@ fn type_lines(seed: u64, mode: Mode) -> (usize, usize) {
             rest: Vec::new(),
             line: Vec::new(),
             printed: String::new(),
-            settings: Settings::new(),
+            settings: rig.gateway.settings(Settings::clone),
             changes: 0,
             refusals: 0,
         };
-        rig.gateway.settings(|settings| typist.settings.clone_from(settings));
-        let Ok(ended) = world.run_until(run(rig.gateway, &mut typist, &mut Memory::default(), &Board, mode));
+        let Ok(ended) =
+            world.run_until(run(rig.gateway, &mut typist, &mut Memory::default(), &Simulator, mode));
         let last = String::from_utf8_lossy(&typist.line);
         assert!(matches!(ended, Ended::Left { .. }), "{ended:?} after {last:?}");
         assert_eq!(typist.lines, 0, "the session ended after {last:?}");

@@ -2,16 +2,10 @@
 //! share them. What is arriving shares nothing, and what waits is as right as ever.
 
 use embassy_futures::join::{join, join3};
-use embassy_time::{Duration, Instant, Timer};
-use mobgate::settings::Framing;
-use mobgate::stats::{Event, Outcome};
-use mobgate_simulator::client::Answer;
-use mobgate_simulator::device::{Fresh, rtu};
-use mobgate_simulator::fault::When;
-use mobgate_simulator::rig::{Size, machine};
-use mobgate_simulator::{Client, Device, Fault, Faults, Master, Random, Rig, World, framing, rig};
+use mobgate::stats::Outcome;
 
-use super::cut_through::{ASCII_OVERDUE, FRESH, PAIRS, READ, SPEEDS, VALUE, between, counts, is_well, pairs};
+use super::cut_through::{ASCII_OVERDUE, FRESH, PAIRS, SPEEDS, VALUE, between, counts, is_well, pairs};
+use crate::prelude::*;
 
 const EVEN: (u32, u32) = (19_200, 19_200);
 /// Silence between two frames of a unit.
@@ -67,17 +61,21 @@ fn fresh(case: &str, answer: &Answer, asked: Instant) -> Fresh {
     fresh
 }
 
-/// Asks after `wait`.
 async fn after(wait: Duration, client: &mut Client, request: &[u8]) -> (Instant, Answer) {
     Timer::after(wait).await;
     let asked = Instant::now();
     (asked, client.request(5, request).await)
 }
 
-/// The master asks at once.
 async fn master_asks(master: &mut Master, request: &[u8]) -> (Instant, Answer) {
     let asked = Instant::now();
     (asked, master.request(105, request).await)
+}
+
+/// The master asks at once for the fresh values, and each of the clients after its wait.
+async fn all_ask(master: &mut Master, clients: [(Duration, &mut Client); 2]) -> [(Instant, Answer); 3] {
+    let [one, two] = clients.map(|(wait, client)| after(wait, client, &READ_FRESH));
+    join3(master_asks(master, &READ_FRESH), one, two).await.into()
 }
 
 #[test]
@@ -200,11 +198,8 @@ fn who_shares_an_answer_that_began_wrongly_is_given_no_part_of_it() {
         let (_, answer, ()) = world.run_until(join3(asks, shares, unit));
         assert_eq!(answer, Answer::Pdu(vec![0x83, 0x0b]), "and no part of what the master has heard");
         let [cut, _, aborted] = counts(rig, "S");
-        assert_eq!(
-            (cut, aborted),
-            (begun[0] + 1, begun[2] + 1),
-            "the master heard the beginning of the first one"
-        );
+        let one_more = (begun[0] + 1, begun[2] + 1);
+        assert_eq!((cut, aborted), one_more, "the master heard the beginning of the first one");
     });
 }
 
@@ -253,13 +248,9 @@ fn a_read_that_is_being_passed_on_is_joined_by_nobody_and_those_who_wait_for_it_
         for wait_ms in (0..60).step_by(3) {
             let before = device.counters().all_requests();
             let wait = Duration::from_millis(wait_ms);
-            let ((asked, ours), (asked_first, one), (asked_second, two)) = world.run_until(join3(
-                master_asks(&mut master, &READ_FRESH),
-                after(wait, &mut first, &READ_FRESH),
-                after(wait, &mut second, &READ_FRESH),
-            ));
-            let ours = fresh(case, &ours, asked);
-            let (one, two) = (fresh(case, &one, asked_first), fresh(case, &two, asked_second));
+            let clients = [(wait, &mut first), (wait, &mut second)];
+            let [ours, one, two] = world.run_until(all_ask(&mut master, clients));
+            let [ours, one, two] = [ours, one, two].map(|(asked, answer)| fresh(case, &answer, asked));
             let requests = device.counters().all_requests() - before;
             let shared = 1
                 + u64::from(one.reads != two.reads)
@@ -351,14 +342,11 @@ fn whatever_is_asked_side_by_side_is_answered_right() {
         let (mut first, mut second) = (rig.client(machine(1), 502), rig.client(machine(2), 502));
         for _ in 0..150 {
             let waits = [(); 2].map(|()| Duration::from_micros(random.within(0..=40_000)));
-            let ((asked, ours), (asked_first, one), (asked_second, two)) = world.run_until(join3(
-                master_asks(&mut master, &READ_FRESH),
-                after(waits[0], &mut first, &READ_FRESH),
-                after(waits[1], &mut second, &READ_FRESH),
-            ));
+            let clients = [(waits[0], &mut first), (waits[1], &mut second)];
+            let answers = world.run_until(all_ask(&mut master, clients));
             // A response may be 20 ms older than its question, and the device reads before it answers.
             let least = |asked: Instant| asked - Duration::from_millis(20);
-            for (answer, asked) in [(ours, asked), (one, asked_first), (two, asked_second)] {
+            for (asked, answer) in answers {
                 fresh(case, &answer, least(asked));
             }
             world.run_for(Duration::from_micros(random.within(5_000..=40_000)));

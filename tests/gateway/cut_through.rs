@@ -1,17 +1,10 @@
 //! Frames that are passed on while they arrive, from line to line of either framing, in virtual time.
 
 use embassy_futures::join::join;
-use embassy_time::{Duration, Instant, Timer};
-use mobgate::settings::Framing;
-use mobgate::stats::Event;
-use mobgate_simulator::client::Answer;
-use mobgate_simulator::device::rtu;
-use mobgate_simulator::fault::When;
-use mobgate_simulator::rig::machine;
 use mobgate_simulator::timing::chars_ns;
-use mobgate_simulator::{Device, Fault, Faults, Master, Rig, World, framing, rig};
 
-pub(crate) const READ: [u8; 5] = [3, 0, 7, 0, 1];
+use crate::prelude::*;
+
 /// The response of device 5.
 pub(crate) const VALUE: [u8; 4] = [3, 2, 5, 7];
 /// Its registers that differ at every read.
@@ -82,8 +75,7 @@ pub(crate) fn pairs(
 /// A good request is answered.
 pub(crate) fn is_well(case: &str, world: &mut World<'_>, master: &mut Master) {
     world.run_for(Duration::from_millis(50));
-    let answer = world.run_until(master.request(105, &READ));
-    assert_eq!(answer, Answer::Pdu(VALUE.to_vec()), "{case}");
+    assert_eq!(world.run_until(master.request(105, &READ)), Answer::Pdu(VALUE.to_vec()), "{case}");
 }
 
 /// How often port `name` sent a frame while it arrived, sent a whole one, and broke one off.
@@ -116,18 +108,15 @@ fn frames_are_passed_on_in_both_directions_between_all_pairs_of_framings_and_spe
             (&[3, 0xff, 0, 0, 1], &[0x83, 2]),
         ];
         for (request, answer) in requests {
-            let heard = world.run_until(master.request(105, request));
-            assert_eq!(heard, Answer::Pdu(answer.to_vec()), "{case}");
+            assert_eq!(world.run_until(master.request(105, request)), Answer::Pdu(answer.to_vec()), "{case}");
             world.run_for(Duration::from_millis(50));
         }
         assert_eq!(counts(rig, "C"), [4, 0, 0], "{case}");
         let [cut, stored, aborted] = counts(rig, "S");
         // On a slow upper line a response may be whole before the silence behind its request is over.
         let (up, down) = (rig.end("up").line().baud, rig.end("down").line().baud);
-        assert!(
-            cut + stored == 4 && aborted == 0 && (cut == 4 || up < down),
-            "{case}: {cut} {stored} {aborted}"
-        );
+        let is_early = cut + stored == 4 && aborted == 0 && (cut == 4 || up < down);
+        assert!(is_early, "{case}: {cut} {stored} {aborted}");
         assert_eq!(devices[0].counters().bad_crc, 0);
         ["up", "down"].into_iter().for_each(|wire| assert_no_pause(case, rig, wire));
     });
@@ -138,8 +127,7 @@ fn the_board_relays_all_of_a_frame_between_its_header_and_its_last_character() {
     played(19_200, 19_200, "", |world, rig, devices| {
         let mut write = vec![16, 0, 0, 0, 120, 240];
         write.extend([0x55; 240]);
-        let answer = world.run_until(rig.master("up").request(105, &write));
-        assert_eq!(answer, Answer::Pdu(write[..5].to_vec()));
+        assert_eq!(world.run_until(rig.master("up").request(105, &write)), Answer::Pdu(write[..5].to_vec()));
         assert_eq!(devices[0].memory().holding[119], 0x5555);
         // Behind the unit, six bytes tell the length; of the CRC one half is left.
         assert_eq!(rig.end("up").relayed_chars(), 240 + 2);
@@ -187,10 +175,8 @@ fn a_request_with_any_bit_of_any_character_turned_is_never_carried_out() {
         }
         assert_eq!(rig.counted("C", Event::Timeout), 0, "{case}: nobody was waited for");
         let [cut, stored, aborted] = counts(rig, "C");
-        assert!(
-            cut > frame.len() as u32 && stored == 0 && aborted == cut,
-            "{case}: {cut} {stored} {aborted}"
-        );
+        let all_aborted = cut > frame.len() as u32 && stored == 0 && aborted == cut;
+        assert!(all_aborted, "{case}: {cut} {stored} {aborted}");
         world.run_for(ASCII_OVERDUE);
         is_well(case, world, &mut master);
     });
@@ -267,12 +253,8 @@ fn what_answers_a_request_that_broke_off_where_it_looked_whole_is_no_answer_to_t
     played(19_200, 19_200, "", |world, rig, devices| {
         // A write whose first data happen to be the CRC of what the device's line has seen of it: the device takes it for a
         // frame, and refuses it late.
-        devices[0].set_faults(
-            Faults::new(1).with(
-                When::Requests(1..=1),
-                Fault::Late(Duration::from_millis(60), Duration::from_millis(60)),
-            ),
-        );
+        let late = Fault::Late(Duration::from_millis(60), Duration::from_millis(60));
+        devices[0].set_faults(Faults::new(1).with(When::Requests(1..=1), late));
         let mut begin = rtu::frame(5, &[16, 0, 50, 0, 4, 8]);
         begin[0] = 105;
         let mut master = rig.master("up");
@@ -301,8 +283,7 @@ fn functions_of_unknown_length_are_stored_and_begun_at_most_once() {
     played(19_200, 19_200, "", |world, rig, _| {
         let mut master = rig.master("up");
         for _ in 0..3 {
-            let answer = world.run_until(master.request(105, &[65, 1, 2]));
-            assert_eq!(answer, Answer::Pdu(vec![65, 1, 2, !65]));
+            assert_eq!(world.run_until(master.request(105, &[65, 1, 2])), Answer::Pdu(vec![65, 1, 2, !65]));
         }
         assert_eq!(counts(rig, "C"), [1, 3, 1]);
     });
@@ -359,10 +340,8 @@ fn a_frame_that_breaks_off_while_it_is_passed_on_holds_up_nobody() {
                 let asked = Instant::now();
                 assert_eq!(world.run_until(client.request(6, &READ)), Answer::Pdu(vec![3, 2, 6, 7]));
                 let took = asked.elapsed();
-                assert!(
-                    took < Duration::from_millis(150),
-                    "{length} bytes of {what} from {up} to {down}: {took}"
-                );
+                let soon = took < Duration::from_millis(150);
+                assert!(soon, "{length} bytes of {what} from {up} to {down}: {took}");
                 world.run_for(Duration::from_secs(1));
             };
             let request = rtu::frame(5, &[16, 0, 7, 0, 4, 8, 1, 2, 3, 4, 5, 6, 7, 8]);

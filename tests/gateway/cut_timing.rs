@@ -2,22 +2,17 @@
 //! beginnings make of it, which ASCII frames may have.
 
 use embassy_futures::join::join;
-use embassy_time::{Duration, Instant, Timer};
 use mobgate::modbus::delta::CrcDelta;
 use mobgate::modbus::pdu::{End, request_end, response_end};
 use mobgate::port::cut_through::timing::start;
-use mobgate::settings::{Framing, Lane, LineSettings, Parity};
-use mobgate_simulator::client::Answer;
+use mobgate::settings::{Lane, LineSettings, Parity};
 use mobgate_simulator::client::load::ClosedLoop;
-use mobgate_simulator::device::rtu;
-use mobgate_simulator::fault::When;
-use mobgate_simulator::rig::{Size, machine};
 use mobgate_simulator::timing::{char_bits, t1_5_ns};
-use mobgate_simulator::{Device, Fault, Faults, Rig, World, framing, rig};
 use proptest::prelude::{any, prop};
 use proptest::{prop_assert_eq, proptest};
 
-use super::cut_through::{PAIRS, READ, SPEEDS, VALUE, between, counts, is_well, pairs, serial};
+use super::cut_through::{PAIRS, SPEEDS, VALUE, between, counts, is_well, pairs, serial};
+use crate::prelude::*;
 
 /// A second, as any time at which a frame begins.
 const BEGUN: Instant = Instant::from_ticks(1_000_000);

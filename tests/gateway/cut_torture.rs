@@ -1,18 +1,10 @@
 //! Frames passed on while they arrive, under random faults, framings, speeds and competition: no response is ever the wrong one.
-//!
-//! `MOBGATE_SEED=17 cargo test cut_torture` runs the world of seed 17 alone; `MOBGATE_SEEDS=4000` runs so many, as CI does.
 
-use embassy_time::{Duration, Instant, Timer};
-use mobgate::settings::Framing;
-use mobgate::stats::Event;
 use mobgate_simulator::client::load::ClosedLoop;
-use mobgate_simulator::device::Fresh;
-use mobgate_simulator::fault::When;
-use mobgate_simulator::random::each_seed;
-use mobgate_simulator::rig::{Size, machine};
-use mobgate_simulator::share::Share;
 use mobgate_simulator::wire::WireFrame;
-use mobgate_simulator::{Device, Fault, Faults, Master, Random, framing, rig};
+
+use crate::cut_through::serial;
+use crate::prelude::*;
 
 /// Registers that differ at every read.
 const FRESH: u8 = 100;
@@ -54,10 +46,8 @@ impl Line {
         Self { framing, baud: [9_600, 19_200, 38_400, 115_200][random.index(4)] }
     }
 
-    /// Settings of a port on this line.
     fn port(&self, side: &str) -> String {
-        let format = if self.framing == Framing::Rtu { "8E1" } else { "7E1" };
-        format!("{} {side} {} {format}", self.framing, self.baud)
+        serial(self.framing, side, self.baud)
     }
 }
 
@@ -193,8 +183,7 @@ fn world(seed: u64) -> (u32, Outcome) {
 fn no_answer_is_the_wrong_one_whatever_happens_to_frames_on_their_way() {
     let mut total = Outcome::default();
     let (mut passed, mut all) = (0, 0);
-    let share = Share::default();
-    each_seed(WORLDS, |seed| {
+    each_world(WORLDS, "cut_torture_good", GOOD_MIN, |seed, share| {
         let (cut, outcome) = world(seed);
         all += TRANSACTIONS;
         passed += cut;
@@ -203,13 +192,10 @@ fn no_answer_is_the_wrong_one_whatever_happens_to_frames_on_their_way() {
         total.silent += outcome.silent;
         total.damaged += outcome.damaged;
     });
-    share.demand("cut_torture_good", GOOD_MIN);
     // One world may be a bad one.
     if all > 10 * TRANSACTIONS {
         assert!(passed > all / 2, "{passed} frames were passed on while they arrived");
-        assert!(
-            total.refused > 0 && total.silent > 0 && total.damaged > 0,
-            "every kind of bad day was there"
-        );
+        let kinds = [total.refused, total.silent, total.damaged];
+        assert!(kinds.iter().all(|count| *count > 0), "every kind of bad day was there: {kinds:?}");
     }
 }

@@ -1,24 +1,13 @@
 //! Which rule decides, under which id a unit is asked, and where a frame may be passed on while it arrives: by value.
 
-use std::net::IpAddr;
-
-use mobgate::language::apply;
-use mobgate::modbus::Exception;
 use mobgate::modbus::pdu::{Extent, Touched, touched};
 use mobgate::routing::{Decision, Onward, decide, is_routed, leads_to, onward};
-use mobgate::settings::{AddressRange, Functions, Policy, Priority, Tag, UnitRange};
-use mobgate::settings::{PortId, Settings};
+use mobgate::settings::{AddressRange, Functions, Policy, Tag, UnitRange};
+
+use crate::prelude::*;
 
 const READ: [u8; 5] = [3, 0, 0, 0, 1];
 const WRITE: [u8; 5] = [6, 0, 0, 0, 1];
-
-fn load(lines: &str) -> Settings {
-    let mut settings = Settings::new();
-    for line in lines.lines().map(str::trim) {
-        apply(&mut settings, line).unwrap_or_else(|error| panic!("{line}: {error}"));
-    }
-    settings
-}
 
 fn port(settings: &Settings, name: &str) -> PortId {
     settings.find(name).unwrap_or_else(|| panic!("{name}"))
@@ -31,11 +20,8 @@ fn a_changed_id_is_that_of_one_unit_or_of_the_tcp_device_itself() {
         assert_eq!(Tag::Keep.apply(unit), Some(unit));
         for by in [0, 1, 8, 100, 255_u8] {
             assert_eq!(Tag::Add(by).apply(unit), is_one(i32::from(unit) + i32::from(by)), "{unit} + {by}");
-            assert_eq!(
-                Tag::Subtract(by).apply(unit),
-                is_one(i32::from(unit) - i32::from(by)),
-                "{unit} - {by}"
-            );
+            let less = Tag::Subtract(by).apply(unit);
+            assert_eq!(less, is_one(i32::from(unit) - i32::from(by)), "{unit} - {by}");
         }
         assert_eq!(Tag::Set(unit).apply(9), is_one(unit.into()), "{unit}");
         let is_in = |first, last| UnitRange { first, last }.contains(unit);
@@ -145,7 +131,7 @@ const TABLE: &str = "port plc serial uart2 rtu server
 #[test]
 fn a_unit_is_ours_on_a_line_when_a_rule_or_its_port_says_so() {
     let routed = |words: &str| {
-        let settings = load(&TABLE.replace("rtu server", &format!("rtu server{words}")));
+        let settings = settings_of(&TABLE.replace("rtu server", &format!("rtu server{words}")));
         (0..=255).filter(|&unit| is_routed(&settings, PortId(0), unit)).collect::<Vec<u8>>()
     };
     let plain: Vec<u8> = (1..=13).chain(248..=255).collect();
@@ -162,7 +148,7 @@ fn a_unit_is_ours_on_a_line_when_a_rule_or_its_port_says_so() {
 
 #[test]
 fn each_destination_has_its_decision() {
-    let settings = load(TABLE);
+    let settings = settings_of(TABLE);
     let decision = |unit, request: &[u8]| decide(&settings, PortId(0), unit, None, request);
     let forward = |name, unit| {
         let Decision::Forward { port: to, unit: asked, priority, .. } = decision(unit, &READ) else {
@@ -181,7 +167,7 @@ fn each_destination_has_its_decision() {
 
 #[test]
 fn what_is_asked_of_all_units_of_a_line_must_be_a_write_and_of_unit_0_behind_tcp_may_be_anything() {
-    let settings = load(
+    let settings = settings_of(
         "port P502 tcp server 502
         port bus serial uart1 rtu client
         port C tcp client 10.0.0.1:502
@@ -198,7 +184,7 @@ fn what_is_asked_of_all_units_of_a_line_must_be_a_write_and_of_unit_0_behind_tcp
 
 #[test]
 fn a_write_that_is_ignored_is_answered_except_to_all_units_of_a_line() {
-    let settings = load(
+    let settings = settings_of(
         "port P502 tcp server 502
         port bus serial uart1 rtu client
         port C tcp client 10.0.0.1:502
@@ -238,7 +224,7 @@ fn passed_on(settings: &Settings, unit: u8, so_far: &[u8], auto: bool) -> &'stat
 
 #[test]
 fn a_rule_judges_a_frame_with_the_byte_that_tells_all_it_asks_for() {
-    let settings = load(
+    let settings = settings_of(
         "port plc serial uart2 rtu server
         port bus serial uart1 rtu client
         route plc 1 * * bus cut on
@@ -277,7 +263,7 @@ fn a_rule_judges_a_frame_with_the_byte_that_tells_all_it_asks_for() {
 #[test]
 fn frames_are_passed_on_between_lines_that_allow_it_to_one_unit() {
     let at = |plc: &str, bus: &str, rule: &str, unit, auto| {
-        let settings = load(&format!(
+        let settings = settings_of(&format!(
             "port plc serial uart2 rtu server{plc}
             port bus serial uart1 rtu client{bus}
             port C tcp client 10.0.0.1:502
@@ -308,7 +294,7 @@ fn frames_are_passed_on_between_lines_that_allow_it_to_one_unit() {
     ] {
         assert_eq!(at(plc, bus, rule, unit, auto), expected, "{plc:?} {bus:?} {rule:?} {unit} {auto}");
     }
-    let settings = load(TABLE);
+    let settings = settings_of(TABLE);
     assert!(matches!(onward(&settings, port(&settings, "P502"), 1, &READ, true), Onward::Whole));
     assert!(matches!(onward(&settings, port(&settings, "bus"), 20, &READ, true), Onward::Whole));
 }
@@ -320,48 +306,44 @@ fn a_broadcast_goes_to_the_lines_that_rules_for_its_sender_lead_to_unless_one_of
         port bus serial uart1 rtu client
         port C tcp client 10.0.0.1:502
         port plc serial uart2 rtu server";
-    let rank = |rules: &str, to: &str, request: &[u8]| {
-        let settings = load(&format!("{head}\n{rules}"));
+    let rank = |rules: &str, to: &str| {
+        let settings = settings_of(&format!("{head}\n{rules}"));
         let peer = Some(IpAddr::from([10, 0, 0, 1]));
-        leads_to(&settings, PortId(0), peer, request, port(&settings, to))
+        leads_to(&settings, PortId(0), peer, &WRITE, port(&settings, to))
     };
-    for (rules, to, request, expected) in [
-        ("route P502 5 * * bus", "bus", WRITE, Some(Priority::Normal)),
-        ("route P502 5 * * bus priority low", "bus", WRITE, Some(Priority::Low)),
-        ("route P502 5 * * bus urgent 6", "bus", WRITE, Some(Priority::High)),
-        ("route P502 5 10.0.0.1 * bus", "bus", WRITE, Some(Priority::Normal)),
-        ("route P502 5 10.0.0.2 * bus", "bus", WRITE, None),
-        ("route Q502 5 * * bus", "bus", WRITE, None),
-        ("route P502 5 * * C", "bus", WRITE, None),
+    let normal = Some(Priority::Normal);
+    for (rules, to, expected) in [
+        ("route P502 5 * * bus", "bus", normal),
+        ("route P502 5 * * bus priority low", "bus", Some(Priority::Low)),
+        ("route P502 5 * * bus urgent 6", "bus", Some(Priority::High)),
+        ("route P502 5 10.0.0.1 * bus", "bus", normal),
+        ("route P502 5 10.0.0.2 * bus", "bus", None),
+        ("route Q502 5 * * bus", "bus", None),
+        ("route P502 5 * * C", "bus", None),
         // No line.
-        ("route P502 5 * * C", "C", WRITE, None),
-        ("route P502 5 * * plc", "plc", WRITE, None),
-        ("route P502 5 * * bus readonly", "bus", WRITE, None),
-        ("route P502 5 * * bus\nroute P502 6 * * bus readonly", "bus", WRITE, None),
-        ("route P502 5 * * bus readonly\nroute P502 6 * * bus", "bus", WRITE, None),
-        ("route P502 5 * * bus priority low\nroute P502 6 * * bus", "bus", WRITE, Some(Priority::Low)),
+        ("route P502 5 * * C", "C", None),
+        ("route P502 5 * * plc", "plc", None),
+        ("route P502 5 * * bus readonly", "bus", None),
+        ("route P502 5 * * bus\nroute P502 6 * * bus readonly", "bus", None),
+        ("route P502 5 * * bus readonly\nroute P502 6 * * bus", "bus", None),
+        ("route P502 5 * * bus priority low\nroute P502 6 * * bus", "bus", Some(Priority::Low)),
         // Rules above that take all its units: it never decides.
-        ("route P502 5 * * C\nroute P502 5 * * bus", "bus", WRITE, None),
-        ("route P502 5 * * C\nroute P502 5-6 * * bus", "bus", WRITE, Some(Priority::Normal)),
-        ("route P502 4 * * C\nroute P502 5 * * bus", "bus", WRITE, Some(Priority::Normal)),
-        ("route P502 5-8 * * C\nroute P502 9-12 * * C\nroute P502 6-11 * * bus", "bus", WRITE, None),
-        (
-            "route P502 5-8 * * C\nroute P502 10-12 * * C\nroute P502 6-11 * * bus",
-            "bus",
-            WRITE,
-            Some(Priority::Normal),
-        ),
-        ("route P502 5-9 * * C\nroute P502 5-10 * * bus", "bus", WRITE, Some(Priority::Normal)),
-        ("route P502 6-10 * * C\nroute P502 5-10 * * bus", "bus", WRITE, Some(Priority::Normal)),
-        ("route P502 5 10.0.0.2 * C\nroute P502 5 * * bus", "bus", WRITE, Some(Priority::Normal)),
-        ("route P502 5 10.0.0.1 * C\nroute P502 5 * * bus", "bus", WRITE, None),
-        ("route Q502 5 * * C\nroute P502 5 * * bus", "bus", WRITE, Some(Priority::Normal)),
-        ("route P502 5 * * plc\nroute P502 5 * * bus", "bus", WRITE, Some(Priority::Normal)),
+        ("route P502 5 * * C\nroute P502 5 * * bus", "bus", None),
+        ("route P502 5 * * C\nroute P502 5-6 * * bus", "bus", normal),
+        ("route P502 4 * * C\nroute P502 5 * * bus", "bus", normal),
+        ("route P502 5-8 * * C\nroute P502 9-12 * * C\nroute P502 6-11 * * bus", "bus", None),
+        ("route P502 5-8 * * C\nroute P502 10-12 * * C\nroute P502 6-11 * * bus", "bus", normal),
+        ("route P502 5-9 * * C\nroute P502 5-10 * * bus", "bus", normal),
+        ("route P502 6-10 * * C\nroute P502 5-10 * * bus", "bus", normal),
+        ("route P502 5 10.0.0.2 * C\nroute P502 5 * * bus", "bus", normal),
+        ("route P502 5 10.0.0.1 * C\nroute P502 5 * * bus", "bus", None),
+        ("route Q502 5 * * C\nroute P502 5 * * bus", "bus", normal),
+        ("route P502 5 * * plc\nroute P502 5 * * bus", "bus", normal),
         // Unit 0 is none of those that rules are asked for here.
-        ("route P502 0 * * bus", "bus", WRITE, None),
-        ("route P502 1-5 * * C\nroute P502 0-5 * * bus", "bus", WRITE, None),
-        ("route P502 * * * C\nroute P502 * * * bus", "bus", WRITE, None),
+        ("route P502 0 * * bus", "bus", None),
+        ("route P502 1-5 * * C\nroute P502 0-5 * * bus", "bus", None),
+        ("route P502 * * * C\nroute P502 * * * bus", "bus", None),
     ] {
-        assert_eq!(rank(rules, to, &request), expected, "{rules}");
+        assert_eq!(rank(rules, to), expected, "{rules}");
     }
 }

@@ -4,13 +4,12 @@
 
 use std::path::Path;
 
-use embassy_time::Duration;
 use mobgate::settings::{LineSettings, Parity};
-use mobgate_simulator::console::typed;
-use mobgate_simulator::fault::When;
-use mobgate_simulator::{Device, Fault, Faults, Rig, World, device, rig};
+use mobgate_simulator::device;
 
 use blocks::{Block, blocks};
+
+use crate::prelude::*;
 
 mod blocks;
 

@@ -3,16 +3,12 @@
 use std::cell::Cell;
 use std::rc::Rc;
 
-use embassy_time::{Duration, Instant, Timer};
 use mobgate::port::client::queue::WAITING_MAX;
-use mobgate::stats::Event;
-use mobgate_simulator::Device;
 use mobgate_simulator::client::load::ClosedLoop;
-use mobgate_simulator::client::session::Session;
-use mobgate_simulator::fault::When;
 use mobgate_simulator::net::ClientStream;
-use mobgate_simulator::rig::{Rig, Size, machine, with_gateway_of};
-use mobgate_simulator::{Fault, Faults, World};
+use mobgate_simulator::rig::with_gateway_of;
+
+use crate::prelude::*;
 
 const FLOODERS: usize = 40;
 /// Requests that a flooder has open at a time.
@@ -183,54 +179,50 @@ fn orders_of_clients_that_have_left_keep_a_full_queue_from_nobody_for_long() {
         route P502 1-9 * * bus merge off";
     let wait = |world: &mut World<'_>, ms| world.run_for(Duration::from_millis(ms));
     for (again_ms, is_busy) in [(9, true), (10, false)] {
-        with_gateway_of(
-            Size { connections: 140, frames: 300, ..Size::default() },
-            1,
-            SETTINGS,
-            |world, rig| {
-                let waiting = || usize::from(rig.gateway.port_states().next().unwrap().waiting());
-                let connect =
-                    |world: &World<'_>| Session::start(rig.network.connect(machine(1), 502).unwrap(), world);
-                let (mut first, mut polite) = (connect(world), connect(world));
-                let leaving = [(); 2].map(|()| [(); 8].map(|()| connect(world)));
-                wait(world, 100);
-                // Nothing answers, so the line is busy all the time.
-                world.run_until(first.send(5, &READ));
-                wait(world, 20);
-                // Nobody has more orders than the others.
-                let fill = |world: &mut World<'_>, sessions: [Session; 8]| {
-                    let mut room = WAITING_MAX - waiting();
-                    for mut session in sessions {
-                        for _ in 0..room.min(8) {
-                            world.run_until(session.send(5, &READ));
-                            room -= 1;
-                        }
-                        let stream = session.into_stream();
-                        world.spawn(async move {
-                            Timer::after(Duration::from_millis(1)).await;
-                            stream.into_iter().for_each(ClientStream::reset);
-                        });
+        let size = Size { connections: 140, frames: 300, ..Size::default() };
+        with_gateway_of(size, 1, SETTINGS, |world, rig| {
+            let waiting = || usize::from(rig.gateway.port_states().next().unwrap().waiting());
+            let connect =
+                |world: &World<'_>| Session::start(rig.network.connect(machine(1), 502).unwrap(), world);
+            let (mut first, mut polite) = (connect(world), connect(world));
+            let leaving = [(); 2].map(|()| [(); 8].map(|()| connect(world)));
+            wait(world, 100);
+            // Nothing answers, so the line is busy all the time.
+            world.run_until(first.send(5, &READ));
+            wait(world, 20);
+            // Nobody has more orders than the others.
+            let fill = |world: &mut World<'_>, sessions: [Session; 8]| {
+                let mut room = WAITING_MAX - waiting();
+                for mut session in sessions {
+                    for _ in 0..room.min(8) {
+                        world.run_until(session.send(5, &READ));
+                        room -= 1;
                     }
-                    wait(world, 1);
-                    assert_eq!(waiting(), WAITING_MAX);
-                    wait(world, 4);
-                };
-                let [before, behind] = leaving;
-                for _ in 0..7 {
-                    world.run_until(polite.send(5, &READ));
+                    let stream = session.into_stream();
+                    world.spawn(async move {
+                        Timer::after(Duration::from_millis(1)).await;
+                        stream.into_iter().for_each(ClientStream::reset);
+                    });
                 }
                 wait(world, 1);
-                fill(world, before);
+                assert_eq!(waiting(), WAITING_MAX);
+                wait(world, 4);
+            };
+            let [before, behind] = leaving;
+            for _ in 0..7 {
                 world.run_until(polite.send(5, &READ));
-                wait(world, 1);
-                assert_eq!((waiting(), polite.try_next()), (8, None));
-                fill(world, behind);
-                wait(world, again_ms - 6);
-                world.run_until(polite.send(5, &READ));
-                wait(world, 3);
-                let refused = polite.try_next().map(|arrival| arrival.reply.unwrap().pdu);
-                assert_eq!(refused, is_busy.then(|| vec![0x83, 6]), "{again_ms} ms");
-            },
-        );
+            }
+            wait(world, 1);
+            fill(world, before);
+            world.run_until(polite.send(5, &READ));
+            wait(world, 1);
+            assert_eq!((waiting(), polite.try_next()), (8, None));
+            fill(world, behind);
+            wait(world, again_ms - 6);
+            world.run_until(polite.send(5, &READ));
+            wait(world, 3);
+            let refused = polite.try_next().map(|arrival| arrival.reply.unwrap().pdu);
+            assert_eq!(refused, is_busy.then(|| vec![0x83, 6]), "{again_ms} ms");
+        });
     }
 }

@@ -6,10 +6,12 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::task::{Context, Poll, Wake, Waker};
 
 use mobgate::frame::{Channel, Fill, Frame, FramePool, Slot};
-use proptest::prelude::*;
 
-fn slots<const N: usize>() -> [Slot; N] {
-    [const { Slot::new() }; N]
+use crate::prelude::*;
+
+/// A pool of so many frames, of which `owners` have one each for themselves.
+fn pool(frames: usize, owners: usize) -> FramePool<'static> {
+    FramePool::new((0..frames).map(|_| Slot::new()).collect::<Vec<_>>().leak(), owners)
 }
 
 fn filled<'p>(pool: &'p FramePool<'p>, owner: usize, pdu: &[u8]) -> Option<Frame<'p>> {
@@ -25,8 +27,7 @@ fn pdu(frame: &Frame<'_>) -> Vec<u8> {
 
 #[test]
 fn an_owner_has_its_reserved_frame_however_many_the_others_hold() {
-    let slots = slots::<5>();
-    let pool = FramePool::new(&slots, 2);
+    let pool = pool(5, 2);
     let flood: Vec<_> = std::iter::from_fn(|| filled(&pool, 0, &[3])).collect();
     assert_eq!(flood.len(), 4, "its own and the three shared ones");
     let own = filled(&pool, 1, &[4]).expect("the reserved frame of the other owner");
@@ -38,8 +39,7 @@ fn an_owner_has_its_reserved_frame_however_many_the_others_hold() {
 
 #[test]
 fn a_frame_is_free_when_its_last_handle_is_dropped() {
-    let slots = slots::<1>();
-    let pool = FramePool::new(&slots, 0);
+    let pool = pool(1, 0);
     let frame = filled(&pool, 0, &[1]).unwrap();
     let other = frame.share();
     drop(frame);
@@ -51,8 +51,7 @@ fn a_frame_is_free_when_its_last_handle_is_dropped() {
 
 #[test]
 fn frames_that_ride_on_another_are_taken_down_one_by_one_or_freed_with_it() {
-    let slots = slots::<4>();
-    let pool = FramePool::new(&slots, 0);
+    let pool = pool(4, 0);
     let carrier = filled(&pool, 0, &[3]).unwrap();
     assert!(carrier.take_merged().is_none());
     for merged in [[3, 3], [3, 2], [3, 1]] {
@@ -71,8 +70,7 @@ fn frames_that_ride_on_another_are_taken_down_one_by_one_or_freed_with_it() {
 
 #[test]
 fn only_complete_frames_have_the_same_pdu() {
-    let slots = slots::<3>();
-    let pool = FramePool::new(&slots, 0);
+    let pool = pool(3, 0);
     let frame = filled(&pool, 0, &[3, 0]).unwrap();
     assert!(frame.same_pdu(&filled(&pool, 0, &[3, 0]).unwrap()));
     assert!(!frame.same_pdu(&filled(&pool, 0, &[3, 0, 1]).unwrap()));
@@ -85,8 +83,7 @@ fn only_complete_frames_have_the_same_pdu() {
 
 #[test]
 fn an_unfinished_writer_leaves_the_frame_broken() {
-    let slots = slots::<1>();
-    let pool = FramePool::new(&slots, 0);
+    let pool = pool(1, 0);
     let (mut writer, frame) = pool.take(0).unwrap();
     writer.push(&[3, 0]).unwrap();
     assert_eq!(frame.filled(), (2, Fill::Filling));
@@ -96,8 +93,7 @@ fn an_unfinished_writer_leaves_the_frame_broken() {
 
 #[test]
 fn a_pdu_that_is_too_long_is_refused_whole() {
-    let slots = slots::<1>();
-    let pool = FramePool::new(&slots, 0);
+    let pool = pool(1, 0);
     let (mut writer, frame) = pool.take(0).unwrap();
     writer.push(&[7; 250]).unwrap();
     assert!(writer.push(&[7; 4]).is_err());
@@ -116,8 +112,7 @@ impl Wake for Wakes {
 
 #[test]
 fn a_reader_follows_a_frame_that_is_still_being_filled() {
-    let slots = slots::<1>();
-    let pool = FramePool::new(&slots, 0);
+    let pool = pool(1, 0);
     let (mut writer, frame) = pool.take(0).unwrap();
     let wakes = Arc::new(Wakes(AtomicUsize::new(0)));
     let waker = Waker::from(wakes.clone());
@@ -137,8 +132,7 @@ fn a_reader_follows_a_frame_that_is_still_being_filled() {
 
 #[test]
 fn an_answer_takes_the_place_of_its_request() {
-    let slots = slots::<1>();
-    let pool = FramePool::new(&slots, 0);
+    let pool = pool(1, 0);
     let frame = filled(&pool, 0, &[3, 0, 0, 0, 1]).unwrap();
     frame.replace(&[3, 2, 0xab, 0xcd]).unwrap();
     assert_eq!(pdu(&frame), [3, 2, 0xab, 0xcd]);
@@ -149,8 +143,7 @@ proptest! {
     /// Two channels and a set of held frames against plain queues: order is kept, nothing is lost or doubled.
     #[test]
     fn channels_keep_order_and_lose_nothing(steps in prop::collection::vec((0_usize..4, 0_usize..2), 1..200)) {
-        let slots = slots::<8>();
-        let pool = FramePool::new(&slots, 2);
+        let pool = pool(8, 2);
         let channels = [Channel::new(), Channel::new()];
         let mut model = [std::collections::VecDeque::new(), std::collections::VecDeque::new()];
         let mut held = Vec::new();

@@ -1,9 +1,6 @@
 //! A TCP server in front of a serial client, in virtual time.
 
-use embassy_time::{Duration, Instant};
-use mobgate_simulator::client::Answer;
-use mobgate_simulator::rig::{Size, machine};
-use mobgate_simulator::{Device, rig};
+use crate::prelude::*;
 
 const SETTINGS: &str = "
 port P1 serial bus rtu client 19200 8E1
@@ -17,9 +14,7 @@ fn a_register_is_read_through_the_gateway() {
         let device = Device::new(5);
         device.memory().holding[7] = 0xcafe;
         rig.attach(world, "bus", [device]);
-        let mut client = rig.client(machine(1), 502);
-        let answer = world.run_until(client.request(5, &[3, 0, 7, 0, 1]));
-        assert_eq!(answer, Answer::Pdu(vec![3, 2, 0xca, 0xfe]));
+        assert_eq!(rig.ask(world, 5, &[3, 0, 7, 0, 1]), Answer::Pdu(vec![3, 2, 0xca, 0xfe]));
         assert_eq!(rig.frames_in_use(), 0);
     });
 }
@@ -30,8 +25,7 @@ fn who_asks_while_the_line_is_opened_for_the_first_time_waits_for_that() {
     let settings = format!("{SETTINGS}edit port P1 late-window 1ms");
     rig::with_gateway_of(Size { opening, ..Size::default() }, 1, &settings, |world, rig| {
         rig.attach(world, "bus", [Device::new(5)]);
-        let mut client = rig.client(machine(1), 502);
-        assert_eq!(world.run_until(client.request(5, &[3, 0, 7, 0, 1])), Answer::Pdu(vec![3, 2, 5, 7]));
+        assert_eq!(rig.ask(world, 5, &[3, 0, 7, 0, 1]), Answer::Pdu(vec![3, 2, 5, 7]));
         assert!(Instant::now() > Instant::MIN + opening);
     });
 }

@@ -23,6 +23,7 @@ mod outstanding;
 mod outstanding_model;
 mod pending_requests;
 mod points;
+mod prelude;
 mod proofs;
 mod queue;
 mod queue_model;

@@ -1,19 +1,17 @@
 //! Every way in x every way out over TCP x every function code x every fault of the device: each has its
 //! outcome, and the request behind it its own response.
 
-use embassy_time::{Duration, Instant};
+use mobgate_simulator::client::frame;
 use mobgate_simulator::client::rtu::RtuClient;
-use mobgate_simulator::client::{Answer, frame};
-use mobgate_simulator::device::{Fresh, Memory};
-use mobgate_simulator::fault::When;
+use mobgate_simulator::device::Memory;
 use mobgate_simulator::net::UdpClient;
-use mobgate_simulator::rig::{Rig, machine, with_gateway};
-use mobgate_simulator::{Client, Device, Fault, Faults, Master, World};
+
+use crate::outcomes::exchange;
+use crate::prelude::*;
 
 const UNIT: u8 = 5;
 const FRESH: u16 = 100;
 const READ_FRESH: [u8; 5] = [3, 0, FRESH as u8, 0, Fresh::REGISTERS as u8];
-const MS: Duration = Duration::from_millis(1);
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum In {
@@ -39,7 +37,6 @@ enum Out {
 enum Outcome {
     /// What the device answers.
     Response,
-    /// This exception.
     Exception(u8),
 }
 
@@ -123,10 +120,7 @@ fn play(way_in: In, out: Out, fault: Option<Fault>) -> usize {
     );
     with_gateway(7, &settings, |world, rig| {
         let device = Device::new(UNIT).with_fresh(FRESH);
-        match out {
-            Out::Tcp => rig.attach_tcp(world, "10.0.1.1:502", [device.clone()]),
-            Out::Rtu => rig.attach_rtu_over_tcp(world, "10.0.1.1:502", [device.clone()]),
-        }
+        rig.attach_at(world, "10.0.1.1:502", out == Out::Rtu, [device.clone()]);
         // What the device's memory holds: it carries out every request, whatever becomes of its response.
         let mut mirror = Memory::new(UNIT);
         let mut requester = Requester::new(way_in, rig);
@@ -137,7 +131,7 @@ fn play(way_in: In, out: Out, fault: Option<Fault>) -> usize {
             let Some(expected) = outcome(out, function, fault) else { continue };
             cases += 1;
             let tell = || format!("{way_in:?} to {out:?}, function {function}, {fault:?}");
-            let request = request(function);
+            let (request, _) = exchange(function);
             let faults =
                 fault.map_or(Faults::none(), |fault| Faults::new(3).with(When::Requests(1..=1), fault));
             device.set_faults(faults);
@@ -166,27 +160,8 @@ fn play(way_in: In, out: Out, fault: Option<Fault>) -> usize {
     })
 }
 
-/// A request that is in order.
-fn request(function: u8) -> Vec<u8> {
-    match function {
-        1..=4 => vec![function, 0, 7, 0, 9],
-        5 => vec![5, 0, 7, 0xff, 0],
-        6 => vec![6, 0, 7, 18, 52],
-        7 | 11 | 12 | 17 => vec![function],
-        8 => vec![8, 0, 0, 18, 52],
-        15 => vec![15, 0, 7, 0, 9, 2, 0xff, 1],
-        16 => vec![16, 0, 7, 0, 2, 4, 1, 2, 3, 4],
-        20 => vec![20, 7, 6, 0, 4, 0, 1, 0, 2],
-        21 => vec![21, 9, 6, 0, 4, 0, 7, 0, 1, 18, 52],
-        22 => vec![22, 0, 4, 0, 0xf2, 0, 0x25],
-        23 => vec![23, 0, 3, 0, 2, 0, 14, 0, 1, 2, 18, 52],
-        24 => vec![24, 4, 0xde],
-        43 => vec![43, 14, 1, 0],
-        _ => vec![function, 1, 2, 3],
-    }
-}
-
-enum Requester {
+/// Who asks.
+pub(crate) enum Requester {
     Tcp(Client),
     Rtu(RtuClient),
     Udp(UdpClient, u16),
@@ -204,7 +179,7 @@ impl Requester {
         }
     }
 
-    fn ask(&mut self, world: &mut World<'_>, pdu: &[u8]) -> Answer {
+    pub(crate) fn ask(&mut self, world: &mut World<'_>, pdu: &[u8]) -> Answer {
         match self {
             Self::Tcp(client) => world.run_until(client.request(UNIT, pdu)),
             Self::Rtu(client) => world.run_until(client.request(UNIT, pdu)),

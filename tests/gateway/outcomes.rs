@@ -1,11 +1,9 @@
 //! Every pair of framings, every function code, every way in which a response can come: each has its defined outcome.
 
-use embassy_time::{Duration, Timer};
-use mobgate::settings::Framing;
-use mobgate_simulator::client::{Answer, Reply};
-use mobgate_simulator::fault::When;
-use mobgate_simulator::rig::machine;
-use mobgate_simulator::{Client, Device, Fault, Faults, Master, rig};
+use mobgate_simulator::client::Reply;
+
+use crate::matrix::Requester;
+use crate::prelude::*;
 
 const UNIT: u8 = 5;
 const NO_RESPONSE: u8 = 0x0b;
@@ -74,7 +72,7 @@ impl Coming {
 }
 
 /// A request of each function, and its response.
-fn exchange(function: u8) -> (Vec<u8>, Vec<u8>) {
+pub(crate) fn exchange(function: u8) -> (Vec<u8>, Vec<u8>) {
     let echo = |request: &[u8]| (request.to_vec(), request.to_vec());
     match function {
         1 | 2 => (vec![function, 0, 0, 0, 10], vec![function, 2, 0x55, 1]),
@@ -95,21 +93,6 @@ fn exchange(function: u8) -> (Vec<u8>, Vec<u8>) {
         24 => (vec![24, 4, 0xde], vec![24, 0, 6, 0, 2, 1, 0xb8, 0x12, 0x84]),
         43 => (vec![43, 14, 1, 0], vec![43, 14, 1, 1, 0, 0, 1, 0, 1, 65]),
         _ => (vec![function, 1, 2, 3], vec![function, 4, 5]),
-    }
-}
-
-/// Who asks.
-enum Requester {
-    Tcp(Client),
-    Line(Master),
-}
-
-impl Requester {
-    async fn ask(&mut self, pdu: &[u8]) -> Answer {
-        match self {
-            Self::Tcp(client) => client.request(UNIT, pdu).await,
-            Self::Line(master) => master.request(UNIT, pdu).await,
-        }
     }
 }
 
@@ -137,16 +120,13 @@ fn all_outcomes(server: &str, client: &str, cut: bool) {
             device.set_response(&answer);
             device.set_faults(coming.faults(u64::from(function)));
             let case = format!("{server} to {client}, function {function}, {coming:?}");
-            let outcome = world.run_until(requester.ask(&request));
+            let outcome = requester.ask(world, &request);
             assert_eq!(outcome, coming.outcome(framing, &answer, cut), "{case}");
             // Whatever came, what comes next is the response to what is asked next.
             let (request, answer) = exchange(if function == 6 { 3 } else { 6 });
             device.set_response(&answer);
-            let next = async {
-                Timer::after_millis(1).await;
-                requester.ask(&request).await
-            };
-            assert_eq!(world.run_until(next), Answer::Pdu(answer), "after {case}");
+            world.run_for(MS);
+            assert_eq!(requester.ask(world, &request), Answer::Pdu(answer), "after {case}");
         }
         world.run_for(Duration::from_secs(10));
         assert_eq!(rig.frames_in_use(), 0);

@@ -3,14 +3,13 @@
 use std::collections::VecDeque;
 
 use mobgate::gateway::outstanding::{
-    DIAGNOSTIC_PROOF, Match, OF_UNIT_MAX, OUTSTANDING_MAX, Outstanding, Purpose, Shape,
+    DIAGNOSTIC_PROOF, Match, OF_UNIT_MAX, OUTSTANDING_MAX, Outstanding, Shape,
 };
-use mobgate_simulator::Random;
-use proptest::prelude::*;
+
+use crate::prelude::*;
 
 const PORT: u8 = 1;
 const UNIT: u8 = 72;
-const READ: [u8; 5] = [3, 0, 7, 0, 1];
 const LONGER: [u8; 5] = [3, 0, 7, 0, 2];
 const WRITE: [u8; 5] = [6, 0, 7, 0, 1];
 

@@ -3,11 +3,9 @@
 
 use std::collections::BTreeSet;
 
-use mobgate::gateway::outstanding::{
-    Match, OF_UNIT_MAX, OUTSTANDING_MAX, Outstanding, Purpose, Settled, Shape,
-};
-use mobgate_simulator::Random;
-use proptest::prelude::*;
+use mobgate::gateway::outstanding::{Match, OF_UNIT_MAX, OUTSTANDING_MAX, Outstanding, Settled, Shape};
+
+use crate::prelude::*;
 
 /// Requests, and how the normal response to each begins, as far as that can be told.
 const REQUESTS: &[(&[u8], &[u8])] = &[

@@ -1,8 +1,8 @@
 //! Open requests of a connection and their transaction ids.
 
-use embassy_time::{Duration, Instant};
 use mobgate::port::client::pending::{PENDING_MAX, PendingRequests};
-use proptest::prelude::*;
+
+use crate::prelude::*;
 
 const TIMEOUT: Duration = Duration::from_millis(100);
 

@@ -11,13 +11,12 @@ mod program;
 mod served;
 mod status;
 
-use embassy_time::{Duration, Instant};
-use mobgate::scanner::{
-    ByteOrder, Device, DeviceId, ErrorCode, Form, Kind, Reading, Request, Row, RowId, Scanner, Writing,
-};
+use std::iter::from_fn;
 
-const MS: Duration = Duration::from_millis(1);
-const SECOND: Duration = Duration::from_secs(1);
+use mobgate::scanner::{ByteOrder, Device, Form, Request};
+
+use crate::prelude::*;
+
 const START: Instant = Instant::from_secs(1_000);
 
 /// So many milliseconds after the start.
@@ -31,6 +30,27 @@ fn scanner() -> (Scanner, DeviceId) {
     scanner.restart(START);
     let device = scanner.add_device(device(5)).unwrap();
     (scanner, device)
+}
+
+/// The same with a row, which has a variable of its own.
+fn scanner_with(row: impl FnOnce(DeviceId) -> Row) -> (Scanner, DeviceId, RowId) {
+    let (mut scanner, device) = scanner();
+    let id = add(&mut scanner, row(device));
+    (scanner, device, id)
+}
+
+/// The same when all that was due has been read.
+fn polled_with(row: impl FnOnce(DeviceId) -> Row) -> (Scanner, DeviceId, RowId) {
+    let (mut scanner, device, id) = scanner_with(row);
+    while exchange(&mut scanner, at(0)).is_some() {}
+    (scanner, device, id)
+}
+
+/// A started scanner with such a device, and another one that is checked before each poll.
+fn checked_scanner() -> (Scanner, DeviceId) {
+    let (mut scanner, _) = scanner();
+    let checked = scanner.add_device(Device { check: true, ..device(7) }).unwrap();
+    (scanner, checked)
 }
 
 fn device(unit: u8) -> Device {
@@ -53,6 +73,11 @@ fn row(device: DeviceId, kind: Kind, first: u16, count: u16) -> Row {
         of: None,
         quality: None,
     }
+}
+
+/// The same, read only when asked for.
+fn manual(device: DeviceId, kind: Kind, first: u16, count: u16) -> Row {
+    Row { read: Reading::Manual, ..row(device, kind, first, count) }
 }
 
 /// Adds `row` with a variable of its own.
@@ -93,9 +118,26 @@ fn exchange(scanner: &mut Scanner, now: Instant) -> Option<Request> {
     Some(request)
 }
 
+/// The requests that are made at `ms`, each answered at once.
+fn requests(scanner: &mut Scanner, ms: u64) -> Vec<Vec<u8>> {
+    from_fn(|| exchange(scanner, at(ms))).map(|request| request.pdu.to_vec()).collect()
+}
+
+/// The next request, which gets this response.
+fn answered(scanner: &mut Scanner, now: Instant, response: &[u8]) -> Vec<u8> {
+    let request = scanner.next(now).unwrap();
+    scanner.answered(request.device, now, Ok(response));
+    request.pdu.to_vec()
+}
+
 /// The next request, which gets no response.
 fn lose(scanner: &mut Scanner, now: Instant) -> Option<Request> {
     let request = scanner.next(now)?;
     scanner.answered(request.device, now, Err(ErrorCode::Timeout));
     Some(request)
+}
+
+/// A frame and its two repeats get no response.
+fn lose_all(scanner: &mut Scanner, now: Instant) {
+    (0..3).for_each(|_| assert!(lose(scanner, now).is_some()));
 }

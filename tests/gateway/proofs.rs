@@ -1,12 +1,9 @@
 //! What goes before a request to a unit that may still answer an earlier one.
 
-use embassy_time::{Duration, Instant};
-use mobgate::gateway::outstanding::Purpose;
-use mobgate::gateway::unit_health::Ready;
 use mobgate::gateway::unit_health::{AllUnits, Care, Gate, State, Step, Unit, Units};
-use mobgate::scanner::Kind;
-use mobgate::settings::{PortId, Proof};
-use mobgate::stats::Event;
+use mobgate::settings::Proof;
+
+use crate::prelude::*;
 
 const ID: u8 = 5;
 const WINDOW: Duration = Duration::from_secs(2);
@@ -157,11 +154,8 @@ fn a_proof_that_is_answered_or_not_ends_what_was_noted_of_it() {
             } else {
                 units.not_proved(ID, NOW, 0);
                 units.match_response(ID, &[8, 0, 0, 9, 9], false, NOW).unwrap_err();
-                assert_eq!(
-                    units.state(unit(units), NOW + WINDOW),
-                    State::OutOfStep,
-                    "the read is outstanding"
-                );
+                let state = units.state(unit(units), NOW + WINDOW);
+                assert_eq!(state, State::OutOfStep, "the read is outstanding");
             }
             lost(units, &ONE);
             assert_eq!(proof(units, &ONE, NOW), None, "function 8 first");

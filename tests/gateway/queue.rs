@@ -1,12 +1,10 @@
 //! Who is served next: the pure queue of a client-side port.
 
-use std::net::{IpAddr, Ipv4Addr, Ipv6Addr};
+use std::net::{Ipv4Addr, Ipv6Addr};
 
-use embassy_time::Instant;
-use mobgate::gateway::unit_health::Ready;
 use mobgate::port::client::queue::{Access, Entry, Next, PASSED_OVER_MAX, PortQueue, Requester, WAITING_MAX};
-use mobgate::settings::Priority;
-use proptest::prelude::*;
+
+use crate::prelude::*;
 
 fn entry(address: u8, connection: u16) -> Entry {
     let address = Some(IpAddr::V4(Ipv4Addr::new(10, 0, 0, address)));
@@ -24,6 +22,12 @@ fn ranked(priority: Priority) -> Entry {
     Entry { priority, ..entry(priority as u8, 0) }
 }
 
+fn queue_of<T>(orders: impl IntoIterator<Item = (T, Entry)>) -> PortQueue<T> {
+    let mut queue = PortQueue::new();
+    orders.into_iter().for_each(|(order, entry)| assert!(queue.push(order, entry).is_none()));
+    queue
+}
+
 fn serve<T>(queue: &mut PortQueue<T>) -> Option<T> {
     match queue.next(Instant::MIN, |_| Ready::Now) {
         Next::Serve(order, _) => Some(order),
@@ -37,15 +41,13 @@ fn drain<T>(queue: &mut PortQueue<T>) -> Vec<T> {
 
 #[test]
 fn orders_of_one_asker_keep_their_order() {
-    let mut queue = PortQueue::new();
-    (0..10).for_each(|order| assert_eq!(queue.push(order, entry(1, 1)), None));
+    let mut queue = queue_of((0..10).map(|order| (order, entry(1, 1))));
     assert_eq!(drain(&mut queue), (0..10).collect::<Vec<_>>());
 }
 
 #[test]
 fn a_low_order_that_was_passed_over_and_is_gone_holds_up_nobody() {
-    let mut queue = PortQueue::new();
-    queue.push(0, ranked(Priority::Low));
+    let mut queue = queue_of([(0, ranked(Priority::Low))]);
     for order in 1..=u32::from(PASSED_OVER_MAX) {
         queue.push(order, ranked(Priority::Normal));
         assert_eq!(serve(&mut queue), Some(order));
@@ -69,10 +71,7 @@ fn addresses_take_turns_and_within_an_address_its_connections() {
 
 #[test]
 fn a_client_with_nothing_queued_goes_ahead_of_those_that_keep_the_line_busy() {
-    let mut queue = PortQueue::new();
-    for flooder in 0..31 {
-        queue.push(flooder, entry(flooder, 0));
-    }
+    let mut queue = queue_of((0..31).map(|flooder| (flooder, entry(flooder, 0))));
     for _ in 0..100 {
         let flooder = serve(&mut queue).unwrap();
         queue.push(flooder, entry(flooder, 0));
@@ -83,18 +82,15 @@ fn a_client_with_nothing_queued_goes_ahead_of_those_that_keep_the_line_busy() {
 
 #[test]
 fn higher_priority_goes_first() {
-    let mut queue = PortQueue::new();
-    for priority in [Priority::Low, Priority::Normal, Priority::High] {
-        queue.push(priority, ranked(priority));
-    }
+    let upwards = [Priority::Low, Priority::Normal, Priority::High];
+    let mut queue = queue_of(upwards.map(|priority| (priority, ranked(priority))));
     assert_eq!(drain(&mut queue), [Priority::High, Priority::Normal, Priority::Low]);
 }
 
 #[test]
 fn a_low_order_is_passed_over_a_bounded_number_of_times() {
     for flood in [Priority::Normal, Priority::High] {
-        let mut queue = PortQueue::new();
-        queue.push(Priority::Low, ranked(Priority::Low));
+        let mut queue = queue_of([(Priority::Low, ranked(Priority::Low))]);
         let mut turns = 0;
         loop {
             queue.push(flood, ranked(flood));
@@ -110,8 +106,7 @@ fn a_low_order_is_passed_over_a_bounded_number_of_times() {
 
 #[test]
 fn an_overdue_low_order_does_not_delay_a_high_one() {
-    let mut queue = PortQueue::new();
-    queue.push(Priority::Low, ranked(Priority::Low));
+    let mut queue = queue_of([(Priority::Low, ranked(Priority::Low))]);
     for _ in 0..PASSED_OVER_MAX {
         queue.push(Priority::Normal, ranked(Priority::Normal));
         assert_eq!(serve(&mut queue), Some(Priority::Normal));
@@ -123,10 +118,8 @@ fn an_overdue_low_order_does_not_delay_a_high_one() {
 
 #[test]
 fn a_held_unit_lets_the_others_pass() {
-    let mut queue = PortQueue::new();
+    let mut queue = queue_of([7, 8].map(|unit| (unit, Entry { unit, ..entry(1, 1) })));
     let held = Instant::from_secs(5);
-    queue.push(7, Entry { unit: 7, ..entry(1, 1) });
-    queue.push(8, Entry { unit: 8, ..entry(1, 1) });
     let ready = |unit| if unit == 7 { Ready::At(held) } else { Ready::Now };
     assert!(matches!(queue.next(Instant::MIN, ready), Next::Serve(8, _)));
     assert_eq!(queue.next(Instant::MIN, ready), Next::Wait(held));
@@ -136,21 +129,12 @@ fn a_held_unit_lets_the_others_pass() {
 
 #[test]
 fn a_full_queue_makes_room_at_the_cost_of_whoever_has_most() {
-    let mut queue = PortQueue::new();
-    for order in 0..WAITING_MAX {
-        assert_eq!(queue.push(order, entry(1, 1)), None);
-    }
+    let mut queue = queue_of((0..WAITING_MAX).map(|order| (order, entry(1, 1))));
     assert_eq!(queue.push(1000, entry(1, 1)), Some(1000), "the flooder itself is refused");
-    assert_eq!(
-        queue.push(2000, entry(2, 2)),
-        Some(WAITING_MAX - 1),
-        "its newest order goes for another address"
-    );
-    assert_eq!(
-        queue.push(3000, entry(1, 3)),
-        Some(WAITING_MAX - 2),
-        "and for another connection of its address"
-    );
+    let gone = queue.push(2000, entry(2, 2));
+    assert_eq!(gone, Some(WAITING_MAX - 1), "its newest order goes for another address");
+    let gone = queue.push(3000, entry(1, 3));
+    assert_eq!(gone, Some(WAITING_MAX - 2), "and for another connection of its address");
     assert_eq!(queue.len(), WAITING_MAX);
 }
 
@@ -206,11 +190,8 @@ fn who_had_a_turn_comes_behind_who_had_none() {
 
 #[test]
 fn the_first_unit_that_may_be_asked_is_waited_for() {
-    let mut queue = PortQueue::new();
+    let mut queue = queue_of([3, 2, 4].map(|unit| (unit, Entry { unit, ..entry(1, 1) })));
     let at = |unit: u8| Instant::from_secs(unit.into());
-    for unit in [3, 2, 4] {
-        queue.push(unit, Entry { unit, ..entry(1, 1) });
-    }
     assert_eq!(queue.next(Instant::MIN, |unit| Ready::At(at(unit))), Next::Wait(at(2)));
 }
 
@@ -250,8 +231,7 @@ fn an_order_that_comes_back_goes_first_and_finds_no_room_in_a_full_queue() {
 
 #[test]
 fn it_is_known_of_each_unit_whether_a_write_waits() {
-    let mut queue = PortQueue::new();
-    queue.push(1, entry(1, 1));
+    let mut queue = queue_of([(1, entry(1, 1))]);
     assert!(!queue.writes_to(1));
     queue.push(2, Entry { access: Access::Write, ..entry(1, 1) });
     assert!(queue.writes_to(1) && !queue.writes_to(2));
@@ -261,11 +241,8 @@ fn it_is_known_of_each_unit_whether_a_write_waits() {
 
 #[test]
 fn the_last_turns_of_all_who_may_wait_are_remembered() {
-    let mut queue = PortQueue::new();
     let all = 0..WAITING_MAX as u16;
-    for requester in all.clone() {
-        queue.push(requester, entry(1, requester));
-    }
+    let mut queue = queue_of(all.clone().map(|requester| (requester, entry(1, requester))));
     assert_eq!(drain(&mut queue), all.clone().collect::<Vec<_>>());
     // The one served longest ago is forgotten for another one, who is first as he has had no turn.
     for requester in all.clone().rev() {
@@ -291,10 +268,7 @@ fn unwanted_orders_are_taken_out_with_the_reason() {
 
 /// Orders are pairs of who asks and what; the first one's companions, in the order of arrival.
 fn served_together(orders: &[(&'static str, u8, Entry)]) -> Vec<&'static str> {
-    let mut queue = PortQueue::new();
-    for (who, what, entry) in orders {
-        queue.push((*who, *what), *entry);
-    }
+    let mut queue = queue_of(orders.iter().map(|(who, what, entry)| ((*who, *what), *entry)));
     let Next::Serve((leader, asked), entry) = queue.next(Instant::MIN, |_| Ready::Now) else {
         panic!("nothing to serve");
     };

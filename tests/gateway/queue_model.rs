@@ -1,14 +1,11 @@
 //! Who is served next, told a second time in the plainest way: by looking through everything that ever happened.
 
 use std::cmp::Reverse;
-use std::collections::HashMap;
-use std::net::{IpAddr, Ipv4Addr};
+use std::net::Ipv4Addr;
 
-use embassy_time::Instant;
-use mobgate::gateway::unit_health::Ready;
 use mobgate::port::client::queue::{Access, Entry, Next, PASSED_OVER_MAX, PortQueue, Requester, WAITING_MAX};
-use mobgate::settings::Priority;
-use proptest::prelude::*;
+
+use crate::prelude::*;
 
 /// When units that are held are free again.
 const LATER: Instant = Instant::from_secs(1);
@@ -84,11 +81,8 @@ impl Model {
             let idle = |like: &dyn Fn(&Requester) -> bool| {
                 self.turns.iter().rev().position(like).unwrap_or(usize::MAX)
             };
-            (
-                idle(&|other| other.shares_address(&requester)),
-                idle(&|other| *other == requester),
-                Reverse(*at),
-            )
+            let of_address = idle(&|other| other.shares_address(&requester));
+            (of_address, idle(&|other| *other == requester), Reverse(*at))
         });
         let (order, entry) = self.waiting.remove(first.expect("one of this class is ready"));
         self.turns.push(entry.requester);

@@ -1,18 +1,15 @@
 //! Random frames on every kind of server: whatever comes, each well-formed request among them has its response, and all frames of
 //! the pool come home.
 
-use embassy_time::{Duration, Instant, with_deadline};
-use embedded_io_async::{Read, Write};
-use mobgate::settings::Framing;
+use embassy_time::with_deadline;
 use mobgate_simulator::client::frame as mbap;
 use mobgate_simulator::net::{ClientStream, UdpClient};
 use mobgate_simulator::random::chosen;
-use mobgate_simulator::rig::{Rig, machine, with_gateway};
 use mobgate_simulator::wire::LineEnd;
-use mobgate_simulator::{Device, Random, World, framing};
+
+use crate::prelude::*;
 
 const FRAMES: u32 = 13_000;
-const PLC: &str = "10.0.1.1:502";
 /// The unit that answers; those from 6 to 9 have a rule, and do not.
 const UNIT: u8 = 5;
 /// Longer than the gateway waits for a response, and than a pause that ends a frame.

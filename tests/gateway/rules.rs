@@ -1,13 +1,8 @@
 //! What a rule lets through: for every function code, as the specification says what that one does.
 
-use std::net::IpAddr;
-
-use mobgate::language::apply;
-use mobgate::modbus::Exception;
 use mobgate::modbus::pdu::check_request;
 use mobgate::routing::{Decision, Onward, decide, onward};
-use mobgate::settings::{AddressRange, Functions, Policy, Priority};
-use mobgate::settings::{PortId, Settings};
+use mobgate::settings::{AddressRange, Functions, Policy};
 
 /// What a request does to a device (Application Protocol V1.1b3, clause 6).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -21,6 +16,8 @@ enum Does {
 }
 
 use Does::{Anything, Cells, Tells};
+
+use crate::prelude::*;
 
 const fn reads(first: u32, last: u32) -> Does {
     Cells(Some((first, last)), None)
@@ -103,7 +100,6 @@ fn is_allowed(cells: Option<(u32, u32)>) -> bool {
     cells.is_none_or(|(first, last)| first >= 10 && last <= 19)
 }
 
-/// The exception that `policy` has for a request.
 fn exception(policy: &Policy, request: &[u8]) -> Option<Exception> {
     policy.admit(request).err()
 }
@@ -166,8 +162,8 @@ fn a_rule_without_such_words_lets_everything_pass() {
 #[test]
 fn a_rule_for_some_functions_lets_the_device_identification_pass_only_if_it_names_it() {
     for (functions, passes) in [("3", false), ("3,43/14", true), ("3,43", true)] {
-        let route = format!("route P * * * C functions {functions}");
-        let settings = load(&["port P tcp server 502", "port C tcp client 10.0.0.1:502", &route]);
+        let ports = "port P tcp server 502\nport C tcp client 10.0.0.1:502";
+        let settings = settings_of(&format!("{ports}\nroute P * * * C functions {functions}"));
         assert_eq!(is_forwarded(&settings, None, &[43, 14, 1, 0]), passes, "{functions}");
         assert!(is_forwarded(&settings, None, &[3, 0, 0, 0, 1]), "{functions}");
     }
@@ -198,14 +194,6 @@ fn a_request_whose_addresses_are_not_all_there_is_refused() {
     assert!(exception(&readonly, &[43]).is_some(), "the MEI type tells");
 }
 
-fn load(lines: &[&str]) -> Settings {
-    let mut settings = Settings::new();
-    for line in lines {
-        apply(&mut settings, line).unwrap_or_else(|error| panic!("{line}: {error}"));
-    }
-    settings
-}
-
 /// Whether `request` from the port number 0 goes to a port.
 fn is_forwarded(settings: &Settings, peer: Option<&str>, request: &[u8]) -> bool {
     let peer = peer.map(|peer| peer.parse::<IpAddr>().unwrap());
@@ -214,13 +202,13 @@ fn is_forwarded(settings: &Settings, peer: Option<&str>, request: &[u8]) -> bool
 
 #[test]
 fn a_rule_for_an_address_matches_no_master_on_a_serial_line() {
-    let mut settings = load(&[
-        "port P502 tcp server 502",
-        "port bus serial uart1 rtu client",
-        "port plc serial uart2 rtu server",
-        "route P502 1 10.0.0.0/8 * bus",
-        "route P502 1 0.0.0.0/0 * discard",
-    ]);
+    let mut settings = settings_of(
+        "port P502 tcp server 502
+         port bus serial uart1 rtu client
+         port plc serial uart2 rtu server
+         route P502 1 10.0.0.0/8 * bus
+         route P502 1 0.0.0.0/0 * discard",
+    );
     let read = [3, 0, 0, 0, 1];
     assert!(is_forwarded(&settings, Some("10.1.2.3"), &read));
     assert!(!is_forwarded(&settings, Some("11.1.2.3"), &read));
@@ -234,11 +222,11 @@ fn a_rule_for_an_address_matches_no_master_on_a_serial_line() {
 
 #[test]
 fn urgent_functions_rank_high_and_others_as_the_rule_says() {
-    let settings = load(&[
-        "port P502 tcp server 502",
-        "port bus serial uart1 rtu client",
-        "route P502 * * * bus priority low urgent 5,6,43/14",
-    ]);
+    let settings = settings_of(
+        "port P502 tcp server 502
+         port bus serial uart1 rtu client
+         route P502 * * * bus priority low urgent 5,6,43/14",
+    );
     let rank = |request: &[u8]| match decide(&settings, PortId(0), 1, None, request) {
         Decision::Forward { priority, .. } => priority,
         other => panic!("{other:?}"),
@@ -252,13 +240,13 @@ fn urgent_functions_rank_high_and_others_as_the_rule_says() {
 
 #[test]
 fn a_frame_is_passed_on_as_soon_as_its_rule_can_judge_it() {
-    let settings = load(&[
-        "port plc serial uart2 rtu server",
-        "port bus serial uart1 rtu client",
-        "route plc 1 * * bus cut on",
-        "route plc 2 * * bus cut on readonly",
-        "route plc 3 * * bus cut on addresses 10-19",
-    ]);
+    let settings = settings_of(
+        "port plc serial uart2 rtu server
+         port bus serial uart1 rtu client
+         route plc 1 * * bus cut on
+         route plc 2 * * bus cut on readonly
+         route plc 3 * * bus cut on addresses 10-19",
+    );
     let judged = |unit, so_far: &[u8]| match onward(&settings, PortId(0), unit, so_far, false) {
         Onward::Whole => "whole",
         Onward::Later => "later",

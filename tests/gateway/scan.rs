@@ -1,22 +1,18 @@
 //! Units that are looked for on a line of which nothing is known, and what becomes of everybody else meanwhile.
 
 use embassy_futures::select::{Either, select};
-use embassy_time::{Duration, Instant, Timer};
-use mobgate::settings::{Framing, LineSettings, Parity, PortId, PortKind, Settings};
-use mobgate::stats::Event;
-use mobgate_simulator::client::Answer;
-use mobgate_simulator::console::{typed, typed_at_terminal, typed_slowly};
-use mobgate_simulator::fault::When;
-use mobgate_simulator::rig::machine;
+use mobgate::settings::{LineSettings, Parity, PortKind};
+use mobgate_simulator::console::{typed_at_terminal, typed_slowly};
+use mobgate_simulator::device;
 use mobgate_simulator::wire::Flaw;
-use mobgate_simulator::{Device, Fault, Faults, Rig, World, device, rig};
+
+use crate::prelude::*;
 
 const SETTINGS: &str = "
 port bus serial uart1 rtu client 115200 8E1 timeout 100ms
 port P502 tcp server 502
 route P502 * * * bus
 ";
-const READ: [u8; 5] = [3, 0, 7, 0, 1];
 
 fn line(baud: u32, parity: Parity) -> LineSettings {
     LineSettings { baud, parity, ..LineSettings::DEFAULT }
@@ -43,11 +39,8 @@ fn five_units_at_two_of_four_speeds_are_found_with_their_formats_and_nothing_els
         assert!(shown.contains("5 units found in "), "{shown}");
         assert!(shown.contains("edit port bus 9600 8N1     # units 3,17,40\n"), "{shown}");
         assert!(shown.contains("edit port bus 38400 8E1    # units 5,9\n"), "{shown}");
-        assert_eq!(
-            rig.gateway.port_state(PortId(0)).unwrap().units(|units| units.iter().count()),
-            0,
-            "the port has learned nothing"
-        );
+        let known = rig.gateway.port_state(PortId(0)).unwrap().units(|units| units.iter().count());
+        assert_eq!(known, 0, "the port has learned nothing");
         assert_eq!(rig.frames_in_use(), 0);
     });
 }
@@ -135,8 +128,7 @@ fn a_line_that_is_gone_ends_it() {
         assert!(shown.contains("9600 8E1     not found\n0 units found"), "{shown}");
         rig.end("uart1").replug();
         world.run_for(Duration::from_secs(10));
-        let mut client = rig.client(machine(1), 502);
-        assert_eq!(world.run_until(client.request(5, &READ)), Answer::Pdu(vec![3, 2, 5, 7]));
+        assert_eq!(rig.ask(world, 5, &READ), Answer::Pdu(vec![3, 2, 5, 7]));
     });
 }
 
@@ -179,10 +171,8 @@ fn a_unit_that_answers_late_is_asked_again_and_found_too() {
             rig.attach(world, "uart1", [Device::new(1), Device::new(2), slow]);
             let shown = world.run_until(typed(rig.gateway, &format!("scan bus 115200 {range}")));
             assert!(shown.contains("115200 8E1   slower units: timeout 500ms, "), "{shown}");
-            assert!(
-                shown.contains("unit   3 115200 8E1   301.8") && shown.contains("# units 1,2,3\n"),
-                "{shown}"
-            );
+            let found = shown.contains("unit   3 115200 8E1   301.8") && shown.contains("# units 1,2,3\n");
+            assert!(found, "{shown}");
             assert!(!shown.contains("cannot be read"), "{shown}");
             assert!(!shown.contains("takes this over"), "nobody is asked who types no keys: {shown}");
         });

@@ -1,14 +1,8 @@
 //! A master on a serial line asks the gateway, in virtual time.
 
-use embassy_time::Duration;
-use mobgate::settings::Framing;
-use mobgate::stats::{Event, LastError};
-use mobgate_simulator::client::Answer;
-use mobgate_simulator::rig::Size;
 use mobgate_simulator::shared_bus::torture;
-use mobgate_simulator::{Device, Rig, World, rig};
 
-const READ: [u8; 5] = [3, 0, 7, 0, 1];
+use crate::prelude::*;
 
 /// A server line of `server` in front of a client line of `client` with devices 5 and 6.
 fn settings(server: &str, client: &str) -> String {
@@ -40,8 +34,7 @@ fn a_master_reaches_a_device_in_all_pairs_of_framings() {
                 assert_eq!(answer, Answer::Pdu(vec![65, 1, 2, !65]));
                 let answer = world.run_until(master.request(6, &[3, 0xff, 0, 0, 1]));
                 assert_eq!(answer, Answer::Pdu(vec![0x83, 2]));
-                let answer = world.run_until(master.request(10, &READ));
-                assert_eq!(answer, Answer::Silence, "not ours");
+                assert_eq!(world.run_until(master.request(10, &READ)), Answer::Silence, "not ours");
                 assert_eq!(rig.counted("S", Event::Response), 4);
             });
         }
@@ -54,8 +47,7 @@ fn rts_is_on_from_before_the_first_bit_until_after_the_last() {
     played(&format!("rtu server {rts}"), &format!("rtu client {rts}"), |world, rig| {
         let mut master = rig.master("up");
         for unit in [5, 6, 5] {
-            let answer = world.run_until(master.request(unit, &READ));
-            assert_eq!(answer, Answer::Pdu(vec![3, 2, unit, 7]));
+            assert_eq!(world.run_until(master.request(unit, &READ)), Answer::Pdu(vec![3, 2, unit, 7]));
         }
         for line in ["up", "down"] {
             let switched = rig.sent(line).switched;

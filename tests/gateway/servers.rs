@@ -1,21 +1,10 @@
 //! A TCP client with several servers: who is connected, who has to go, and that nobody waits for another's server.
 
-use std::net::SocketAddr;
-
-use embassy_time::{Duration, Instant};
 use mobgate::port::client::servers::{Choice, RETRY_FIRST, Servers};
 use mobgate::settings::{Tag, UnitRange};
-use mobgate::stats::Event;
-use mobgate_simulator::client::Answer;
-use mobgate_simulator::client::session::Session;
-use mobgate_simulator::console::typed;
-use mobgate_simulator::net::Path;
-use mobgate_simulator::rig::{Rig, machine, with_gateway};
-use mobgate_simulator::{Device, World};
 
-const READ: [u8; 5] = [3, 0, 7, 0, 1];
-const MS: Duration = Duration::from_millis(1);
-const SECOND: Duration = Duration::from_secs(1);
+use crate::prelude::*;
+
 const AT_ONCE: Duration = Duration::from_ticks(0);
 
 fn address(host: u8) -> SocketAddr {
@@ -30,31 +19,20 @@ fn settings(count: u8, words: &str) -> String {
     )
 }
 
-fn attach(world: &World<'_>, rig: &Rig<'_>, hosts: impl IntoIterator<Item = u8>) -> Vec<Device> {
+fn attach<'w>(world: &World<'w>, rig: &Rig<'w>, hosts: impl IntoIterator<Item = u8>) -> Vec<Device> {
     let one = |host: u8| {
         let device = Device::new(host);
         let path = Path { latency: MS, ..Path::default() };
         rig.network.set_path(address(host), path);
-        world.spawn(mobgate_simulator::device::tcp::serve(
-            rig.network.serve(address(host)),
-            mobgate_simulator::device::tcp::Stream::Mbap,
-            vec![device.clone()],
-            world.spawner(),
-        ));
+        rig.attach_tcp(world, &address(host).to_string(), [device.clone()]);
         device
     };
     hosts.into_iter().map(one).collect()
 }
 
 fn ask(world: &mut World<'_>, rig: &Rig<'_>, unit: u8) -> (Answer, Duration) {
-    let mut client = rig.client(machine(1), 502);
     let asked = Instant::now();
-    let answer = world.run_until(client.request(unit, &READ));
-    (answer, asked.elapsed())
-}
-
-fn value(unit: u8) -> Answer {
-    Answer::Pdu(vec![3, 2, unit, 7])
+    (rig.ask(world, unit, &READ), asked.elapsed())
 }
 
 fn no_path() -> Answer {
@@ -116,22 +94,14 @@ fn the_connection_that_was_quiet_for_longest_makes_room_and_no_busy_one() {
         assert_eq!((ask(world, rig, 6).0, rig.network.counters().made), (value(6), 7));
         assert_eq!((ask(world, rig, 5).0, rig.network.counters().made), (value(5), 8));
         // All at once: each is answered once.
-        let mut session = Session::start(rig.network.connect(machine(2), 502).unwrap(), world);
-        for unit in 1..=6 {
-            world.run_until(session.send(unit, &READ));
-        }
-        let mut units: Vec<u8> = (0..6)
-            .map(|_| world.run_until(session.next()).reply.unwrap())
-            .map(|reply| reply.pdu[2])
-            .collect();
+        let session = asking(world, rig, 2, (1..=6).map(|unit| (unit, READ)));
+        let mut unit = || world.run_until(session.next()).reply.unwrap().pdu[2];
+        let mut units = [(); 6].map(|()| unit());
         units.sort_unstable();
         assert_eq!(units, [1, 2, 3, 4, 5, 6]);
         assert_eq!(rig.network.counters().sockets_most, 2);
-        assert_eq!(
-            rig.counted("plant", Event::LineLost),
-            0,
-            "no request was on a connection that was closed"
-        );
+        let lost = rig.counted("plant", Event::LineLost);
+        assert_eq!(lost, 0, "no request was on a connection that was closed");
     });
 }
 
@@ -144,11 +114,9 @@ fn a_dead_and_a_slow_server_delay_nobody_else() {
             let slow = Device::new(7).with_turnaround(SECOND);
             rig.attach_tcp(world, &address(7).to_string(), [slow]);
             if sockets > 2 {
-                let mut session = Session::start(rig.network.connect(machine(2), 502).unwrap(), world);
-                world.run_until(session.send(7, &READ));
+                asking(world, rig, 2, [(7, READ)]);
             }
-            let mut dead = Session::start(rig.network.connect(machine(3), 502).unwrap(), world);
-            world.run_until(dead.send(8, &READ));
+            let _dead = asking(world, rig, 3, [(8, READ)]);
             for round in 0..40 {
                 for unit in 1..=6 {
                     let (answer, took) = ask(world, rig, unit);
@@ -220,11 +188,8 @@ fn each_server_has_its_own_status_and_the_port_is_as_well_as_the_best() {
         };
         shows(world, "show servers", "plant 1 * 10.0.1.1:502 idle, connects when asked plant 2");
         assert_eq!((ask(world, rig, 1).0, ask(world, rig, 2).0), (value(1), no_path()));
-        shows(
-            world,
-            "show servers",
-            "plant 1 * 10.0.1.1:502 open plant 2 * 10.0.1.2:502 connection refused plant 3 *",
-        );
+        let servers = "plant 1 * 10.0.1.1:502 open plant 2 * 10.0.1.2:502 connection refused plant 3 *";
+        shows(world, "show servers", servers);
         shows(world, "show ports", "plant tcp client see show servers open");
         rig.console("delete server plant unit 1").unwrap();
         rig.console("delete server plant unit 3").unwrap();
@@ -304,10 +269,8 @@ fn a_free_link_takes_who_is_wanted_before_who_is_to_be_tried_again_before_who_is
     let mut servers = Servers::new([unit(1), unit(2), unit(3)]);
     assert_eq!(servers.choose(0, None, false, at(0)), Choice::Wait(Instant::MAX));
     assert_eq!(servers.choose(0, Some(1), true, at(0)), Choice::Connect(1));
-    assert_eq!(
-        (servers.connection(2), servers.unconnected(2), servers.connected_count()),
-        (Some(0), None, 1)
-    );
+    let connected = (servers.connection(2), servers.unconnected(2), servers.connected_count());
+    assert_eq!(connected, (Some(0), None, 1));
     servers.failed(1, at(0));
     servers.release(1);
     assert!(!servers.takes(2, false) && servers.takes(2, true), "only who spares servers himself may ask");

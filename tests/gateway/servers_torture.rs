@@ -2,19 +2,9 @@
 //!
 //! Whatever happens, every request gets exactly one response, it is of the unit that was asked, its values are of now, no write is
 //! carried out twice, there are never more connections than allowed, and every frame is back in the pool at the end.
-//!
-//! `MOBGATE_SEED=17 cargo test servers_torture` runs the world of seed 17 alone; `MOBGATE_SEEDS=4000` runs so many.
 
-use std::net::SocketAddr;
-
-use embassy_time::{Duration, Timer};
-use mobgate_simulator::fault::When;
-use mobgate_simulator::random::each_seed;
-use mobgate_simulator::rig::with_gateway;
-use mobgate_simulator::share::Share;
-use mobgate_simulator::{Device, Fault, Faults, Random};
-
-use crate::visitors::{FRESH, Visits, draw_path, wrote_once};
+use crate::prelude::*;
+use crate::visitors::{FRESH, Visits, draw_path, draw_words, wrote_once};
 
 /// Worlds of a plain `cargo test`.
 const SEEDS: u64 = 200;
@@ -25,9 +15,7 @@ const SHIFT: u8 = 100;
 
 #[test]
 fn random_servers_keep_no_answer_from_its_asker() {
-    let share = Share::default();
-    each_seed(SEEDS, |seed| live(seed, &share));
-    share.demand("servers_torture_good", GOOD_MIN);
+    each_world(SEEDS, "servers_torture_good", GOOD_MIN, live);
 }
 
 fn address(server: u8) -> SocketAddr {
@@ -50,19 +38,12 @@ fn live(seed: u64, share: &Share) {
             format!("server plant unit {base}-{} at {} {tag}\n", base + 1, address(n))
         })
         .collect();
-    let framing = if rtu { "rtu".to_owned() } else { format!("in-flight {}", random.within(1..=16)) };
     let settings = format!(
-        "port plant tcp client {framing} sockets {sockets} timeout {}ms retries {} down-after {} \
-             connect-timeout 500ms connect-delay {}ms request-delay {}ms idle {}
+        "port plant tcp client {} sockets {sockets}
          port P502 tcp server 502 lifetime 5s
          {lines}
          route P502 * * * plant",
-        random.within(30..=200),
-        random.index(3),
-        random.index(4),
-        [0, 0, 20][random.index(3)],
-        [0, 0, 5][random.index(3)],
-        ["0", "1s", "60s"][random.index(3)],
+        draw_words(&mut random, rtu)
     );
     with_gateway(seed, &settings, |world, rig| {
         // Of the board's, which may be fewer than the port's.
@@ -71,12 +52,8 @@ fn live(seed: u64, share: &Share) {
         let mut devices = Vec::new();
         for n in 1..=count {
             let pair = [10 * n, 10 * n + 1].map(|unit| draw_device(&mut random, unit, rtu));
-            rig.network.set_path(address(n), draw_path(&mut random));
-            let at = address(n).to_string();
-            match rtu {
-                true => rig.attach_rtu_over_tcp(world, &at, pair.clone()),
-                false => rig.attach_tcp(world, &at, pair.clone()),
-            }
+            rig.network.set_path(address(n), draw_path(&mut random, 3_000, 100));
+            rig.attach_at(world, &address(n).to_string(), rtu, pair.clone());
             devices.extend(pair);
         }
         // Servers go away and come back.

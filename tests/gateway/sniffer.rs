@@ -2,8 +2,9 @@
 
 use mobgate::modbus::rtu;
 use mobgate::port::line::sniffer::{AsciiSniffer, RtuSniffer, Sniffed};
-use mobgate::stats::LastError;
 use mobgate_simulator::device::ascii;
+
+use crate::prelude::*;
 
 const OURS: u8 = 10;
 const OTHER: u8 = 7;
@@ -135,10 +136,8 @@ fn damaged_frames_are_garbage_and_do_not_disturb_the_next() {
     let long = [0x55; 300];
     assert_eq!(listener.frame(&long), [Told::Garbage(LastError::Length)]);
     // Noise right before a request spoils it.
-    assert_eq!(
-        listener.frame(&[&[0xff], &frame(OURS, &READ)[..]].concat()),
-        [Told::Garbage(LastError::Checksum)]
-    );
+    let noisy = [&[0xff], &frame(OURS, &READ)[..]].concat();
+    assert_eq!(listener.frame(&noisy), [Told::Garbage(LastError::Checksum)]);
     assert_eq!(listener.frame(&frame(OURS, &READ)), [ours(&READ)]);
 }
 
@@ -274,10 +273,7 @@ fn the_ear_knows_what_a_frame_has_at_least_by_each_of_its_readings() {
     // Another unit's may be a request, or a response.
     assert_eq!(sniffer.at_least(&[1, 3, 2], ours), Some(7));
     assert_eq!(sniffer.at_least(&[1, 3, 20], ours), Some(8));
-    assert_eq!(
-        sniffer.at_least(&[1, 3, 20, 0, 0, 0, 0, 0], ours),
-        Some(25),
-        "no request, or it would be judged"
-    );
+    let response = sniffer.at_least(&[1, 3, 20, 0, 0, 0, 0, 0], ours);
+    assert_eq!(response, Some(25), "no request, or it would be judged");
     assert_eq!(sniffer.at_least(&[1, 65, 0, 0], ours), None);
 }

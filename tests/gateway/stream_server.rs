@@ -1,22 +1,12 @@
 //! RTU over TCP and Modbus UDP, on the side of the clients.
 
-use std::collections::HashMap;
-
-use embassy_time::{Duration, Instant};
-use mobgate::stats::Event;
+use mobgate_simulator::client::frame;
 use mobgate_simulator::client::rtu::RtuClient;
-use mobgate_simulator::client::{Answer, frame};
-use mobgate_simulator::device::rtu;
-use mobgate_simulator::fault::When;
-use mobgate_simulator::net::{Path, UdpClient, Weather};
-use mobgate_simulator::rig::{Rig, machine, with_gateway};
-use mobgate_simulator::{Device, Fault, Faults, Random, World};
+use mobgate_simulator::net::{UdpClient, Weather};
 
-const PLC: &str = "10.0.1.1:502";
-const READ: [u8; 5] = [3, 0, 7, 0, 1];
+use crate::prelude::*;
+
 const WRITE: [u8; 5] = [6, 0, 1, 0, 9];
-const MS: Duration = Duration::from_millis(1);
-const SECOND: Duration = Duration::from_secs(1);
 
 const SETTINGS: &str = "port plc tcp client 10.0.1.1:502 in-flight 16 timeout 300ms
     port R tcp server 5000 rtu clients 4
@@ -38,16 +28,12 @@ fn rtu_client(rig: &Rig<'_>) -> RtuClient {
     RtuClient::new(rig.network.connect(machine(1), 5_000).unwrap()).with_patience(SECOND)
 }
 
-fn value() -> Answer {
-    Answer::Pdu(vec![3, 2, 5, 7])
-}
-
 #[test]
 fn an_rtu_frame_in_a_tcp_stream_is_answered_by_one() {
     with_devices(|world, rig, device| {
         let mut client = rtu_client(rig);
         let asked = Instant::now();
-        assert_eq!(world.run_until(client.request(5, &READ)), value());
+        assert_eq!(world.run_until(client.request(5, &READ)), value(5));
         assert_eq!(asked.elapsed(), MS, "no pause is waited for");
         assert_eq!(world.run_until(client.request(5, &WRITE)), Answer::Pdu(WRITE.to_vec()));
         assert_eq!(device.writes().len(), 1);
@@ -78,9 +64,9 @@ fn rtu_requests_in_pieces_or_in_a_row_are_answered_in_order() {
             let mut client = RtuClient::new(stream).with_patience(SECOND);
             let requests: Vec<u8> = [READ, WRITE, READ].iter().flat_map(|pdu| rtu::frame(5, pdu)).collect();
             assert!(world.run_until(client.send_bytes(&requests)));
-            assert_eq!(world.run_until(client.answer(5, &READ)), value());
+            assert_eq!(world.run_until(client.answer(5, &READ)), value(5));
             assert_eq!(world.run_until(client.answer(5, &WRITE)), Answer::Pdu(WRITE.to_vec()));
-            assert_eq!(world.run_until(client.answer(5, &READ)), value());
+            assert_eq!(world.run_until(client.answer(5, &READ)), value(5));
         });
     }
 }
@@ -103,11 +89,8 @@ fn damaged_rtu_requests_get_no_answer_and_the_next_one_does() {
             if random.chance(0.5) {
                 world.run_for(150 * MS);
             }
-            assert_eq!(
-                world.run_until(client.request(5, &READ)),
-                value(),
-                "round {round}, behind {bytes:02x?}"
-            );
+            let answer = world.run_until(client.request(5, &READ));
+            assert_eq!(answer, value(5), "round {round}, behind {bytes:02x?}");
         }
         assert_eq!(device.writes(), []);
         assert!(rig.counted("R", Event::Noise) >= 200);

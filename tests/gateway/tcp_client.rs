@@ -1,27 +1,8 @@
 //! Devices behind Modbus TCP and RTU over TCP: connections, transaction ids, faults.
 
-use std::net::SocketAddr;
+use crate::prelude::*;
 
-use embassy_time::{Duration, Instant, Timer};
-use embedded_io_async::{Read, Write};
-use mobgate::settings::PortId;
-use mobgate::stats::Event;
-use mobgate_simulator::client::Answer;
-use mobgate_simulator::client::session::Session;
-use mobgate_simulator::fault::When;
-use mobgate_simulator::net::Path;
-use mobgate_simulator::rig::{Rig, machine, with_gateway};
-use mobgate_simulator::{Device, Fault, Faults, World};
-
-const PLC: &str = "10.0.1.1:502";
-const READ: [u8; 5] = [3, 0, 7, 0, 1];
 const WRITE: [u8; 5] = [6, 0, 1, 0, 9];
-const MS: Duration = Duration::from_millis(1);
-const SECOND: Duration = Duration::from_secs(1);
-
-fn address(text: &str) -> SocketAddr {
-    text.parse().unwrap()
-}
 
 fn settings(words: &str) -> String {
     format!(
@@ -33,19 +14,13 @@ fn settings(words: &str) -> String {
 
 /// Asks `unit` by a new connection: the response and how long it took.
 fn ask(world: &mut World<'_>, rig: &Rig<'_>, unit: u8, pdu: &[u8]) -> (Answer, Duration) {
-    let mut client = rig.client(machine(1), 502);
     let asked = Instant::now();
-    let answer = world.run_until(client.request(unit, pdu));
-    (answer, asked.elapsed())
+    (rig.ask(world, unit, pdu), asked.elapsed())
 }
 
 fn exception(world: &mut World<'_>, rig: &Rig<'_>, unit: u8, pdu: &[u8]) -> (Option<u8>, Duration) {
     let (answer, took) = ask(world, rig, unit, pdu);
     (answer.exception(), took)
-}
-
-fn value(unit: u8) -> Answer {
-    Answer::Pdu(vec![3, 2, unit, 7])
 }
 
 #[test]
@@ -71,10 +46,7 @@ fn a_request_reaches_a_device_behind_tcp_and_its_answer_comes_back() {
     for words in ["", "idle 0", "in-flight 16", "rtu"] {
         with_gateway(1, &settings(words), |world, rig| {
             let device = Device::new(5);
-            match words {
-                "rtu" => rig.attach_rtu_over_tcp(world, PLC, [device.clone()]),
-                _ => rig.attach_tcp(world, PLC, [device.clone()]),
-            }
+            rig.attach_at(world, PLC, words == "rtu", [device.clone()]);
             world.run_for(2 * SECOND);
             // What comes by a new connection without transaction ids is discarded for the late window.
             let took = if words == "rtu" { 801 * MS } else { MS };
@@ -95,25 +67,16 @@ fn several_requests_are_open_at_a_time_and_answered_in_any_order() {
         with_gateway(1, &settings(&format!("in-flight {in_flight}")), |world, rig| {
             let device = |unit: u8, ms| Device::new(unit).with_turnaround(Duration::from_millis(ms));
             rig.attach_tcp(world, PLC, [device(1, 20), device(2, 10), device(3, 20), device(4, 10)]);
-            let mut session = Session::start(rig.network.connect(machine(1), 502).unwrap(), world);
             let start = Instant::now();
-            for unit in 1..=4 {
-                world.run_until(session.send(unit, &READ));
-            }
+            let session = asking(world, rig, 1, (1..=4).map(|unit| (unit, READ)));
             let answers: Vec<_> = (0..4).map(|_| world.run_until(session.next()).reply.unwrap()).collect();
             for answer in &answers {
-                assert_eq!(
-                    (answer.transaction, &answer.pdu[..]),
-                    (answer.unit.into(), &[3, 2, answer.unit, 7][..])
-                );
+                assert_eq!(answer.transaction, answer.unit.into());
+                assert_eq!(answer.pdu, [3, 2, answer.unit, 7]);
             }
             assert_eq!(start.elapsed(), Duration::from_millis(last), "{in_flight} in flight");
-            let first = answers[0].unit;
-            assert_eq!(
-                first,
-                if in_flight == 1 { 1 } else { 2 },
-                "the quick one does not wait for the slow one"
-            );
+            let first = if in_flight == 1 { 1 } else { 2 };
+            assert_eq!(answers[0].unit, first, "the quick one does not wait for the slow one");
         });
     }
 }
@@ -161,10 +124,7 @@ fn a_write_in_flight_when_the_connection_breaks_is_answered_0b_and_not_repeated(
             with_gateway(1, &settings(words), |world, rig| {
                 let faults = Faults::new(1).with(When::Requests(2..=2), fault);
                 let device = Device::new(5).with_faults(faults);
-                match words.starts_with("rtu") {
-                    true => rig.attach_rtu_over_tcp(world, PLC, [device.clone()]),
-                    false => rig.attach_tcp(world, PLC, [device.clone()]),
-                }
+                rig.attach_at(world, PLC, words.starts_with("rtu"), [device.clone()]);
                 assert_eq!(ask(world, rig, 5, &READ).0, value(5));
                 assert_eq!(exception(world, rig, 5, &WRITE), (Some(0x0b), MS), "{fault:?} {words}");
                 assert_eq!(ask(world, rig, 5, &WRITE).0, Answer::Pdu(WRITE.to_vec()));
@@ -230,16 +190,14 @@ fn a_server_that_accepts_and_closes_is_not_called_again_and_again() {
                 drop(server.accept().await);
             }
         });
-        let mut asked = 0;
         for _ in 0..600 {
-            asked += 1;
             let (answer, took) = exception(world, rig, 5, &READ);
             assert!(matches!(answer, Some(0x0a | 0x0b)), "{answer:?}");
             assert!(took < 10 * MS, "{took}");
             world.run_for(100 * MS);
         }
         let made = rig.network.counters().made;
-        assert!(made < 20, "{made} connections for {asked} requests in a minute");
+        assert!(made < 20, "{made} connections for 600 requests in a minute");
         assert_eq!(rig.frames_in_use(), 0);
     });
 }
@@ -325,10 +283,9 @@ fn a_forced_unit_id_is_sent_and_the_asker_sees_its_own() {
         rig.attach_tcp(world, PLC, [Device::new(255)]);
         assert_eq!(ask(world, rig, 1, &READ).0, value(255));
         assert_eq!(ask(world, rig, 77, &READ).0, value(255));
-        let units = |units: &mut mobgate::gateway::unit_health::Units| {
-            units.iter().map(|unit| unit.id).collect::<Vec<_>>()
-        };
-        assert_eq!(rig.gateway.port_state(PortId(0)).unwrap().units(units), [255]);
+        let units = rig.gateway.port_state(PortId(0)).unwrap();
+        let ids: Vec<u8> = units.units(|units| units.iter().map(|unit| unit.id).collect());
+        assert_eq!(ids, [255]);
     });
 }
 
@@ -371,10 +328,7 @@ fn what_cannot_be_followed_ends_the_connection_and_not_the_port() {
 fn changed_settings_answer_what_is_open_and_what_waits() {
     with_gateway(1, &settings("timeout 10s"), |world, rig| {
         let _server = rig.network.serve(address(PLC));
-        let mut session = Session::start(rig.network.connect(machine(2), 502).unwrap(), world);
-        for _ in 0..3 {
-            world.run_until(session.send(5, &READ));
-        }
+        let session = asking(world, rig, 2, [(5, READ); 3]);
         world.run_for(SECOND);
         rig.console("edit port plc address 10.0.1.2:502").unwrap();
         let answers: Vec<_> = (0..3).map(|_| world.run_until(session.next()).reply.unwrap()).collect();
@@ -389,14 +343,10 @@ fn changed_settings_answer_what_is_open_and_what_waits() {
 
 #[test]
 fn more_devices_than_sockets_take_turns_and_a_broken_one_holds_none() {
-    let ports: String = (1..=8)
-        .map(|n| format!("port D{n} tcp client 10.0.1.{n}:502 timeout 300ms\n"))
-        .chain((1..=8).map(|n| format!("route P502 {n} * * D{n}\n")))
-        .fold("port P502 tcp server 502\n".to_owned(), |all, line| match line.starts_with("port") {
-            true => line + &all,
-            false => all + &line,
-        });
-    with_gateway(1, &ports, |world, rig| {
+    let port = |n| format!("port D{n} tcp client 10.0.1.{n}:502 timeout 300ms\n");
+    let route = |n| format!("route P502 {n} * * D{n}\n");
+    let lines: String = (1..=8).map(port).chain((1..=8).map(route)).collect();
+    with_gateway(1, &format!("port P502 tcp server 502\n{lines}"), |world, rig| {
         rig.network.set_sockets(2);
         rig.network.set_unreachable(address("10.0.1.8:502"), true);
         for n in 1..=7 {

@@ -2,17 +2,9 @@
 //!
 //! Whatever happens, every request gets exactly one response, it is the requester's own, its values are of now, no write is
 //! carried out twice, and every frame is back in the pool at the end.
-//!
-//! `MOBGATE_SEED=17 cargo test tcp_torture` runs the world of seed 17 alone; `MOBGATE_SEEDS=4000` runs so many, as CI does.
 
-use embassy_time::Duration;
-use mobgate_simulator::fault::When;
-use mobgate_simulator::random::each_seed;
-use mobgate_simulator::rig::with_gateway;
-use mobgate_simulator::share::Share;
-use mobgate_simulator::{Device, Fault, Faults, Random};
-
-use crate::visitors::{FRESH, Visits, draw_path, wrote_once};
+use crate::prelude::*;
+use crate::visitors::{FRESH, Visits, draw_path, draw_words, wrote_once};
 
 /// Worlds of a plain `cargo test`.
 const SEEDS: u64 = 300;
@@ -23,36 +15,24 @@ const DEVICES: u8 = 4;
 
 #[test]
 fn random_tcp_devices_keep_no_answer_from_its_asker() {
-    let share = Share::default();
-    each_seed(SEEDS, |seed| live(seed, &share));
-    share.demand("tcp_torture_good", GOOD_MIN);
+    each_world(SEEDS, "tcp_torture_good", GOOD_MIN, live);
 }
 
 fn live(seed: u64, share: &Share) {
     let mut random = Random::new(seed);
     let rtu = random.chance(0.3);
-    let framing = if rtu { "rtu".to_owned() } else { format!("in-flight {}", random.within(1..=16)) };
     let settings = format!(
-        "port plc tcp client {SERVER} {framing} timeout {}ms retries {} down-after {} connect-timeout 500ms \
-             connect-delay {}ms request-delay {}ms idle {}
+        "port plc tcp client {SERVER} {}
          port P502 tcp server 502 lifetime 5s
          route P502 * * * plc",
-        random.within(30..=200),
-        random.index(3),
-        random.index(4),
-        [0, 0, 20][random.index(3)],
-        [0, 0, 5][random.index(3)],
-        ["0", "1s", "60s"][random.index(3)],
+        draw_words(&mut random, rtu)
     );
     with_gateway(seed, &settings, |world, rig| {
         let strays = random.chance(0.25);
         let devices: Vec<Device> =
             (1..=DEVICES).map(|unit| draw_device(&mut random, unit, rtu, strays)).collect();
-        rig.network.set_path(SERVER.parse().unwrap(), draw_path(&mut random));
-        match rtu {
-            true => rig.attach_rtu_over_tcp(world, SERVER, devices.clone()),
-            false => rig.attach_tcp(world, SERVER, devices.clone()),
-        }
+        rig.network.set_path(SERVER.parse().unwrap(), draw_path(&mut random, 3_000, 100));
+        rig.attach_at(world, SERVER, rtu, devices.clone());
         let target = |random: &mut Random| {
             let unit = random.within(1..=u64::from(DEVICES) + 1) as u8;
             (unit, (unit <= DEVICES).then_some(unit))

@@ -2,21 +2,9 @@
 //!
 //! Whatever happens, every request gets exactly one response, it is the requester's own, its values are of now, every frame is
 //! back in the pool at the end, and the gateway never speaks before the line was silent for t3.5.
-//!
-//! `MOBGATE_SEED=17 cargo test torture` runs the world of seed 17 alone; `MOBGATE_SEEDS=4000` runs so many, as CI does.
 
-use std::collections::HashMap;
-
-use embassy_time::{Duration, Instant, Timer};
-use mobgate::settings::Framing;
-use mobgate_simulator::client::{Answer, NoResponse};
-use mobgate_simulator::device::Fresh;
-use mobgate_simulator::fault::When;
-use mobgate_simulator::net::Path;
-use mobgate_simulator::random::each_seed;
-use mobgate_simulator::rig::{Rig, machine, with_gateway};
-use mobgate_simulator::share::Share;
-use mobgate_simulator::{Client, Device, Fault, Faults, Random, World};
+use crate::prelude::*;
+use crate::visitors::{Request, Visitor, assert_good, draw_path, exception};
 
 /// Worlds of a plain `cargo test`.
 const SEEDS: u64 = 300;
@@ -33,9 +21,7 @@ const CACHE_MS: u64 = 200;
 
 #[test]
 fn random_worlds_keep_the_promises() {
-    let share = Share::default();
-    each_seed(SEEDS, |seed| live(seed, &share));
-    share.demand("torture_good", GOOD_MIN);
+    each_world(SEEDS, "torture_good", GOOD_MIN, live);
 }
 
 fn live(seed: u64, share: &Share) {
@@ -73,10 +59,10 @@ fn live(seed: u64, share: &Share) {
         let done: Vec<_> = (1..=clients)
             .map(|host| {
                 let port = [502, 503][random.index(2)];
-                let path = draw_path(&mut random);
+                let path = draw_path(&mut random, 5_000, 500);
                 let stream =
                     rig.network.connect_over(path, machine(host), port).expect("the gateway listens");
-                let visitor = Visitor { host, port, herd, random: random.fork(), share: share.clone() };
+                let visitor = Asker { host, port, herd, random: random.fork(), share: share.clone() };
                 world.spawn(visitor.visit(Client::new(stream).with_patience(Duration::from_secs(120))))
             })
             .collect();
@@ -94,7 +80,6 @@ fn live(seed: u64, share: &Share) {
     });
 }
 
-/// Puts the devices on a line.
 fn connect_devices<'w>(world: &World<'w>, rig: &Rig<'w>, line: &str, random: &mut Random) {
     let strays = random.chance(0.25);
     let devices: Vec<Device> = (1..=DEVICES)
@@ -142,18 +127,8 @@ fn draw_fault(random: &mut Random, strays: bool) -> Fault {
     faults[random.index(faults.len())]
 }
 
-fn draw_path(random: &mut Random) -> Path {
-    Path {
-        latency: Duration::from_micros(random.within(1..=5_000)),
-        piece_bytes_max: [None, Some(1), Some(7)][random.index(3)],
-        piece_spacing: Duration::from_micros(random.within(1..=500)),
-        coalesce: Duration::from_micros(random.within(0..=2_000)),
-        ..Path::default()
-    }
-}
-
 /// A client, which asks for a while and may leave without a word.
-struct Visitor {
+struct Asker {
     host: u8,
     port: u16,
     /// The unit that everybody asks for the same.
@@ -162,42 +137,30 @@ struct Visitor {
     share: Share,
 }
 
-impl Visitor {
-    async fn visit(mut self, mut client: Client) {
-        for _ in 0..self.random.within(1..=30) {
-            Timer::after_micros(self.random.within(0..=50_000)).await;
-            let burst = if self.random.chance(0.3) { self.random.within(2..=20) } else { 1 };
-            let mut open = HashMap::new();
-            for _ in 0..burst {
-                let request = self.draw_request();
-                let Some(id) = client.send(request.unit, &request.pdu).await else { return };
-                assert!(open.insert(id, (request, Instant::now())).is_none());
-            }
-            if self.random.chance(0.03) {
-                return;
-            }
-            while !open.is_empty() {
-                let reply = match client.receive().await {
-                    Ok(reply) => reply,
-                    // Crowded out, or idle for too long.
-                    Err(NoResponse::Closed) => return,
-                    Err(NoResponse::Silence) => panic!("no answer to {open:?}"),
-                };
-                let asked = open.remove(&reply.transaction);
-                let (request, at) = asked.unwrap_or_else(|| panic!("nobody asked for {reply:?}"));
-                assert_eq!((reply.unit, reply.protocol), (request.unit, 0));
-                self.check(&request, at, &Answer::Pdu(reply.pdu));
-            }
-        }
+impl Visitor for Asker {
+    fn bursts(&self) -> (u64, f64, u64) {
+        (30, 0.3, 20)
+    }
+
+    fn random(&mut self) -> &mut Random {
+        &mut self.random
+    }
+
+    fn leaves(&mut self) -> bool {
+        self.random.chance(0.03)
+    }
+
+    fn closed(&self) {
+        // It was crowded out, or idle for too long.
     }
 
     fn draw_request(&mut self) -> Request {
         let fresh = vec![3, 0, FRESH as u8, 0, Fresh::REGISTERS as u8];
         let tag = [0, TAG][self.random.index(2)];
         if let (Some(unit), true) = (self.herd, self.random.chance(0.7)) {
-            return Request { unit: unit + tag, pdu: fresh };
+            return Request { unit: unit + tag, device: Some(unit), pdu: fresh };
         }
-        let unit = self.random.within(1..=u64::from(DEVICES) + 3) as u8 + tag;
+        let unit = self.random.within(1..=u64::from(DEVICES) + 3) as u8;
         let address = self.random.within(0..=50) as u16;
         let count = self.random.within(1..=40) as u16;
         let [high, low] = address.to_be_bytes();
@@ -207,54 +170,30 @@ impl Visitor {
             3 => vec![6, 1, low, self.random.byte(), self.random.byte()],
             _ => vec![16, 2, low, 0, 1, 2, self.random.byte(), self.random.byte()],
         };
-        Request { unit, pdu }
+        Request { unit: unit + tag, device: Some(unit).filter(|unit| *unit <= DEVICES), pdu }
     }
 
-    /// Whether `answer` is one that `request` may get.
-    fn check(&self, request: &Request, asked: Instant, answer: &Answer) {
+    fn check(&self, request: &Request, asked: Instant, answer: &[u8]) {
         let tell = || format!("host {} asked {request:?} at {asked}: {answer:?}", self.host);
-        let device = request.unit % TAG;
-        let routed = (1..=6).contains(&device) && (self.port == 502 || self.host < 16);
-        if let Some(code) = answer.exception() {
+        let routed = (1..=6).contains(&(request.unit % TAG)) && (self.port == 502 || self.host < 16);
+        let code = exception(answer);
+        if routed && request.device.is_some() {
+            self.share.count(code.is_none());
+        }
+        if let Some(code) = code {
             // 05 to 06 of unit 5 and 6 are refused on port 502: those are read-only there.
-            let refused = self.port == 502 && request.unit < TAG && device > DEVICES && request.pdu[0] > 4;
+            let refused =
+                self.port == 502 && request.unit < TAG && request.device.is_none() && request.pdu[0] > 4;
             let expected: &[u8] = match (routed, refused) {
                 (false, _) => &[0x06, 0x0a],
                 (true, true) => &[0x06, 0x01],
                 // The device says busy, or the fault on top of it turns a bit of that.
                 (true, false) => &[0x06, 0x07, 0x0b],
             };
-            assert!(expected.contains(&code), "{}", tell());
-            if routed && device <= DEVICES {
-                self.share.count(false);
-            }
-            return;
+            return assert!(expected.contains(&code), "{}", tell());
         }
-        assert!(routed && device <= DEVICES, "{}", tell());
-        self.share.count(true);
-        let Answer::Pdu(pdu) = answer else { panic!("{}", tell()) };
-        match request.pdu[..] {
-            [3, 0, 100, 0, 4] => {
-                let fresh = Fresh::from_response(pdu).unwrap_or_else(|| panic!("{}", tell()));
-                let kept = self.port == 503 && request.unit >= TAG;
-                let age = if kept { 1_000 * CACHE_MS } else { 0 };
-                assert!(u64::from(fresh.at_us) + age >= asked.as_micros(), "stale: {}", tell());
-            }
-            [function @ (3 | 4), 0, address, 0, count] => {
-                // Input registers hold the complement of what holding registers hold.
-                let mask = if function == 4 { 0xff } else { 0 };
-                let values =
-                    (address..).take(count.into()).flat_map(|address| [device ^ mask, address ^ mask]);
-                let expected: Vec<u8> = [function, 2 * count].into_iter().chain(values).collect();
-                assert_eq!(*pdu, expected, "{}", tell());
-            }
-            _ => assert_eq!(pdu[..], request.pdu[..5], "{}", tell()),
-        }
+        let Some(device) = request.device.filter(|_| routed) else { panic!("{}", tell()) };
+        let kept = self.port == 503 && request.unit >= TAG;
+        assert_good(&request.pdu, device, (asked, if kept { CACHE_MS } else { 0 }), answer, tell);
     }
-}
-
-#[derive(Debug)]
-struct Request {
-    unit: u8,
-    pdu: Vec<u8>,
 }

@@ -1,19 +1,15 @@
 //! Time-outs and gaps that are proposed from answers that were measured.
 
-use embassy_time::Duration;
 use mobgate::stats::response_tail::ResponseTail;
-use mobgate_simulator::client::Answer;
-use mobgate_simulator::console::{typed, typed_slowly};
-use mobgate_simulator::fault::When;
-use mobgate_simulator::rig::machine;
-use mobgate_simulator::{Device, Fault, Faults, Random, rig};
+use mobgate_simulator::console::typed_slowly;
+
+use crate::prelude::*;
 
 const SETTINGS: &str = "
 port bus serial uart1 rtu client 19200 8E1 timeout 500ms
 port P502 tcp server 502
 route P502 * * * bus
 ";
-const READ: [u8; 5] = [3, 0, 7, 0, 1];
 
 /// Draws a response time in microseconds.
 type Draw = fn(&mut Random) -> f64;

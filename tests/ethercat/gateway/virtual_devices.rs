@@ -13,7 +13,7 @@ pub(crate) struct Virtual {
     /// The entries of its layout object.
     pub(crate) layout: [u16; 10],
     /// What it holds: discrete inputs and input registers.
-    read: (Vec<u8>, Vec<u16>),
+    pub(crate) read: (Vec<u8>, Vec<u16>),
     /// Its part of the input buffer once it has what is written.
     pub(crate) input_image: Vec<u8>,
     /// Its part of the output buffer.

@@ -1,16 +1,13 @@
 //! ASCII frames: encoding, the decoder character by character, the LRC.
 
-use mobgate::modbus::PduLength;
 use mobgate::modbus::ascii::{AsciiError, Decoder, FRAME_CHARS_MAX, LINE_FEED, encode};
 use mobgate::modbus::crc::lrc;
-use proptest::collection::vec;
-use proptest::prelude::*;
 
+use crate::prelude::*;
 use crate::samples::any_pdu;
 
 type Event = Result<(u8, Vec<u8>), AsciiError>;
 
-/// The frame of `unit` and `pdu`.
 fn frame(unit: u8, pdu: &[u8]) -> Vec<u8> {
     encode(unit, pdu, &mut [0; FRAME_CHARS_MAX], LINE_FEED).unwrap().to_vec()
 }

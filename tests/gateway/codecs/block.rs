@@ -1,10 +1,9 @@
 //! Blocks: what several reads have in common, and each one's part of the response, against a device's memory.
 
-use mobgate::modbus::PDU_BYTES_MAX;
-use mobgate::modbus::pdu::{Block, check_request, fits};
+use mobgate::modbus::pdu::{Block, check_request};
 use mobgate_simulator::device::Memory;
-use proptest::collection::vec;
-use proptest::prelude::*;
+
+use crate::prelude::*;
 
 fn request(function: u8, first: u16, quantity: u16) -> [u8; 5] {
     let ([a, b], [c, d]) = (first.to_be_bytes(), quantity.to_be_bytes());

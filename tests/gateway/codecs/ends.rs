@@ -1,35 +1,36 @@
 //! Where a PDU ends as far as its beginning tells, and what the public functions are, each by a table of all codes.
 
+use mobgate::modbus::Exception;
 use mobgate::modbus::pdu::{
-    End, Misfit, ResponseLength, confirmation, fits, function_name, is_broadcastable, request_end,
-    request_length, response_end, response_length,
+    End, confirmation, function_name, is_broadcastable, request_end, request_length, response_end,
 };
-use mobgate::modbus::{Exception, PDU_BYTES_MAX};
 
+use crate::prelude::*;
 use crate::samples::EXAMPLES;
 
-/// By function: behind how many bytes the end of a request is known, and that of its response; none: only silence tells.
-const TOLD: &[(u8, Option<usize>, Option<usize>)] = &[
-    (1, Some(1), Some(1)),
-    (2, Some(1), Some(1)),
-    (3, Some(1), Some(1)),
-    (4, Some(1), Some(1)),
-    (5, Some(1), Some(1)),
-    (6, Some(1), Some(1)),
-    (7, Some(1), Some(1)),
+/// By function: behind how many bytes the end of a request is known, and that of its response, none where only silence tells; and
+/// its name.
+const TOLD: &[(u8, Option<usize>, Option<usize>, &str)] = &[
+    (1, Some(1), Some(1), "read coils"),
+    (2, Some(1), Some(1), "read discrete inputs"),
+    (3, Some(1), Some(1), "read holding registers"),
+    (4, Some(1), Some(1), "read input registers"),
+    (5, Some(1), Some(1), "write single coil"),
+    (6, Some(1), Some(1), "write single register"),
+    (7, Some(1), Some(1), "read exception status"),
     // The query that is sent back may have any length: that of its response is known.
-    (8, None, Some(1)),
-    (11, Some(1), Some(1)),
-    (12, Some(1), Some(2)),
-    (15, Some(6), Some(1)),
-    (16, Some(6), Some(1)),
-    (17, Some(1), Some(2)),
-    (20, Some(2), Some(1)),
-    (21, Some(2), Some(1)),
-    (22, Some(1), Some(1)),
-    (23, Some(10), Some(1)),
-    (24, Some(1), Some(3)),
-    (43, Some(2), None),
+    (8, None, Some(1), "diagnostics"),
+    (11, Some(1), Some(1), "get comm event counter"),
+    (12, Some(1), Some(2), "get comm event log"),
+    (15, Some(6), Some(1), "write multiple coils"),
+    (16, Some(6), Some(1), "write multiple registers"),
+    (17, Some(1), Some(2), "report server id"),
+    (20, Some(2), Some(1), "read file record"),
+    (21, Some(2), Some(1), "write file record"),
+    (22, Some(1), Some(1), "mask write register"),
+    (23, Some(10), Some(1), "read/write multiple registers"),
+    (24, Some(1), Some(3), "read FIFO queue"),
+    (43, Some(2), None, "encapsulated interface transport"),
 ];
 
 /// What is said of the end with so many bytes of a PDU of `length` there, when `told` of them tell it.
@@ -43,7 +44,7 @@ fn end_with(there: usize, told: Option<usize>, length: usize) -> End {
 
 #[test]
 fn the_end_is_known_with_the_byte_that_tells_it_and_not_before() {
-    for ((request, response), (function, of_request, of_response)) in EXAMPLES.iter().zip(TOLD) {
+    for ((request, response), (function, of_request, of_response, _)) in EXAMPLES.iter().zip(TOLD) {
         assert_eq!(request[0], *function);
         for there in 1..=request.len() {
             let expected = match (*function, there) {
@@ -66,10 +67,8 @@ fn the_end_is_known_with_the_byte_that_tells_it_and_not_before() {
         assert_eq!(response_end(request, &[function ^ 1, 0, 0]), End::Unknown, "{function}");
     }
     assert_eq!(request_end(&[]), End::Later);
-    assert_eq!(
-        (response_end(&[], &[3]), response_length(&[], &[3])),
-        (End::Unknown, ResponseLength::Silence)
-    );
+    let told = (response_end(&[], &[3]), response_length(&[], &[3]));
+    assert_eq!(told, (End::Unknown, ResponseLength::Silence));
 }
 
 #[test]
@@ -171,32 +170,9 @@ fn files_are_read_in_answers_of_up_to_a_whole_pdu() {
 
 #[test]
 fn each_public_function_has_its_name_and_no_other_code_has_one() {
-    let names = [
-        (1, "read coils"),
-        (2, "read discrete inputs"),
-        (3, "read holding registers"),
-        (4, "read input registers"),
-        (5, "write single coil"),
-        (6, "write single register"),
-        (7, "read exception status"),
-        (8, "diagnostics"),
-        (11, "get comm event counter"),
-        (12, "get comm event log"),
-        (15, "write multiple coils"),
-        (16, "write multiple registers"),
-        (17, "report server id"),
-        (20, "read file record"),
-        (21, "write file record"),
-        (22, "mask write register"),
-        (23, "read/write multiple registers"),
-        (24, "read FIFO queue"),
-        (43, "encapsulated interface transport"),
-    ];
     for function in 0..=127 {
-        let name = names
-            .iter()
-            .find(|(public, _)| *public == function)
-            .map_or("unlisted function", |(_, name)| name);
+        let public = TOLD.iter().find(|(public, ..)| *public == function);
+        let name = public.map_or("unlisted function", |(.., name)| name);
         assert_eq!((function_name(function), function_name(function | 0x80)), (name, name), "{function}");
     }
 }

@@ -4,6 +4,7 @@ mod ascii;
 mod block;
 mod ends;
 mod pdu;
+mod prelude;
 mod rtu;
 mod rtu_request;
 mod rtu_response;

@@ -1,12 +1,9 @@
 //! PDU: which requests pass, how long answers are, which answers fit.
 
-use mobgate::modbus::pdu::{
-    Misfit, ResponseLength, check_request, fits, function_name, is_read, response_length,
-};
-use mobgate::modbus::{Exception, PDU_BYTES_MAX};
-use proptest::collection::vec;
-use proptest::prelude::*;
+use mobgate::modbus::Exception;
+use mobgate::modbus::pdu::{check_request, function_name, is_read};
 
+use crate::prelude::*;
 use crate::samples::{EXAMPLES, exchange, request};
 
 /// Whether `function` with these first fields has a length of its own; else any length passes.

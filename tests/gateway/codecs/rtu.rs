@@ -1,14 +1,11 @@
 //! RTU frames: encoding, decoding and the CRC.
 
-use mobgate::modbus::PduLength;
 use mobgate::modbus::crc::crc16;
 use mobgate::modbus::rtu::{FRAME_BYTES_MAX, RtuError, decode, encode};
-use proptest::collection::vec;
-use proptest::prelude::*;
 
+use crate::prelude::*;
 use crate::samples::any_pdu;
 
-/// The frame of `unit` and `pdu`.
 pub(crate) fn frame(unit: u8, pdu: &[u8]) -> Vec<u8> {
     encode(unit, pdu, &mut [0; FRAME_BYTES_MAX]).unwrap().to_vec()
 }

@@ -2,10 +2,9 @@
 
 use mobgate::modbus::pdu::{End, request_end, request_length};
 use mobgate::modbus::rtu::{self, Cut, FRAME_BYTES_MAX, encode};
-use proptest::collection::vec;
-use proptest::prelude::*;
 
 use super::samples::EXAMPLES;
+use crate::prelude::*;
 
 fn frame(unit: u8, pdu: &[u8]) -> Vec<u8> {
     encode(unit, pdu, &mut [0; FRAME_BYTES_MAX]).unwrap().to_vec()
@@ -62,10 +61,8 @@ fn the_specifications_examples_are_cut_out_and_their_length_is_known() {
         // The sub-function that returns the query takes any number of bytes.
         if request[..] != *b"\x08\x00\x00\xA5\x37" {
             assert_eq!(request_length(request), Some(request.len()), "{request:02x?}");
-            assert_eq!(
-                rtu::request(&frame(17, request)),
-                Cut::Request { unit: 17, pdu: request, consumed: request.len() + 3 }
-            );
+            let expected = Cut::Request { unit: 17, pdu: request, consumed: request.len() + 3 };
+            assert_eq!(rtu::request(&frame(17, request)), expected);
         }
         assert_eq!(cut(&[frame(17, request)]), [(17, request.to_vec())]);
     }

@@ -1,10 +1,8 @@
 //! The RTU client's search for the response: alone, among noise, cut anywhere, and against a naive model.
 
-use mobgate::modbus::pdu::{Misfit, ResponseLength, fits, response_length};
 use mobgate::modbus::rtu::{AtSilence, Received, decode, response, response_at_silence};
-use proptest::collection::vec;
-use proptest::prelude::*;
 
+use crate::prelude::*;
 use crate::rtu::{frame, naive_crc};
 use crate::samples::{any_pdu, exchange};
 
@@ -61,10 +59,8 @@ fn silence_tells_foreign_damaged_and_meaningless_bytes_apart() {
     assert_eq!(response_at_silence(17, &READ, &frame(17, &ANSWER)[..6]), AtSilence::Short);
     assert_eq!(response_at_silence(17, &READ, &[17, 0x83]), AtSilence::Short);
     assert_eq!(response_at_silence(17, &READ, &frame(18, &ANSWER)), AtSilence::WrongUnit(18, &ANSWER));
-    assert_eq!(
-        response_at_silence(17, &READ, &frame(17, &[4, 2, 0, 0])),
-        AtSilence::Misfit(Misfit::Function, &[4, 2, 0, 0])
-    );
+    let misfit = AtSilence::Misfit(Misfit::Function, &[4, 2, 0, 0]);
+    assert_eq!(response_at_silence(17, &READ, &frame(17, &[4, 2, 0, 0])), misfit);
     for noise in [&[][..], &[17], &[0, 0xFF], &[18, 3, 6], &[0; 300]] {
         assert_eq!(response_at_silence(17, &READ, noise), AtSilence::Noise);
     }

@@ -1,8 +1,8 @@
 //! Requests, answers that a correct device could give, and streams in which frames are hidden.
 
-use proptest::collection::vec;
-use proptest::prelude::*;
 use proptest::strategy::Union;
+
+use crate::prelude::*;
 
 /// Request and response of each public function as the Application Protocol V1.1b3 prints them (clauses 6.1 to 6.21).
 pub(crate) const EXAMPLES: &[(&[u8], &[u8])] = &[

@@ -1,13 +1,10 @@
 //! Modbus TCP frames: the header, and frames cut out of a stream.
 
-use mobgate::modbus::PduLength;
 use mobgate::modbus::tcp::{ADU_BYTES_MAX, Header, MbapError, Parsed, encode, parse};
-use proptest::collection::vec;
-use proptest::prelude::*;
 
+use crate::prelude::*;
 use crate::samples::{any_pdu, cut};
 
-/// The frame of `header` and `pdu`.
 fn frame(header: Header, pdu: &[u8]) -> Vec<u8> {
     encode(header, pdu, &mut [0; ADU_BYTES_MAX]).unwrap().to_vec()
 }

@@ -21,9 +21,6 @@ pub(crate) struct Block {
 }
 
 /// All blocks that have this tag; `root` is the repository.
-///
-/// # Panics
-/// When a document cannot be read, or none has such a block.
 pub(crate) fn blocks(root: &Path, tag: &str) -> Vec<Block> {
     let docs = root.join("docs").read_dir().unwrap().map(|entry| entry.unwrap().path());
     let mut files: Vec<_> = docs.chain([root.join("README.md")]).collect();

@@ -2,10 +2,11 @@
 
 use mobgate::frame::FramePool;
 use mobgate::gateway::{Gateway, Ports};
-use mobgate::language::{Loader, apply, write_line};
-use mobgate::scanner::{DeviceId, Reading, RowId, ScannerState, ValueType, Writing};
-use mobgate::settings::{PointAt, Settings};
-use proptest::prelude::*;
+use mobgate::language::{apply, write_line};
+use mobgate::scanner::{ScannerState, ValueType};
+use mobgate::settings::PointAt;
+
+use crate::prelude::*;
 
 const GOOD: &str = "port  scan scanner
 port  bus  serial uart1 rtu client 19200 8E1
@@ -28,13 +29,6 @@ point panel  local holding 20 of lamps
 point runs   local coil 9 of run
 ";
 
-fn load(text: &str) -> Settings {
-    let mut settings = Settings::new();
-    let mut loader = Loader::new(&mut settings);
-    loader.feed(text.as_bytes()).and_then(|()| loader.finish()).unwrap_or_else(|error| panic!("{error}"));
-    settings
-}
-
 fn print(settings: &Settings) -> String {
     let mut text = String::new();
     for n in 0.. {
@@ -46,7 +40,7 @@ fn print(settings: &Settings) -> String {
 }
 
 fn error(line: &str) -> String {
-    let mut settings = load(GOOD);
+    let mut settings = settings_of(GOOD);
     let before = settings.clone();
     let error = apply(&mut settings, line).unwrap_err();
     assert_eq!(settings, before, "{line} changed something");
@@ -58,7 +52,7 @@ fn lines_of_devices_and_points_are_printed_as_they_were_typed() {
     let squeezed = |text: &str| {
         text.lines().map(|line| line.split_whitespace().collect::<Vec<_>>().join(" ")).collect::<Vec<_>>()
     };
-    assert_eq!(squeezed(&print(&load(GOOD))), squeezed(GOOD));
+    assert_eq!(squeezed(&print(&settings_of(GOOD))), squeezed(GOOD));
 }
 
 #[test]
@@ -72,14 +66,14 @@ fn a_point_that_is_written_by_itself_is_polled_only_if_it_says_when() {
         ("write change read high", Reading::High, Writing::OnChange),
         ("read manual", Reading::Manual, Writing::Manual),
     ] {
-        let mut settings = load(GOOD);
+        let mut settings = settings_of(GOOD);
         apply(&mut settings, &format!("point new meter holding 100 {words}")).unwrap();
         let PointAt::Device { read: is_read, write: is_written, .. } = settings.points.last().unwrap().at
         else {
             panic!("{words}")
         };
         assert_eq!((is_read, is_written), (read, write), "{words}");
-        assert_eq!(load(&print(&settings)), settings, "{words}");
+        assert_eq!(settings_of(&print(&settings)), settings, "{words}");
     }
 }
 
@@ -97,147 +91,83 @@ fn a_number_alone_is_modicons_notation_and_one_behind_a_table_is_that_of_the_wir
         ("300005", "input 4"),
         ("165536", "discrete 65535"),
     ] {
-        let mut settings = load(GOOD);
+        let mut settings = settings_of(GOOD);
         apply(&mut settings, &format!("point new meter {modicon}")).unwrap();
         let point = settings.points.last().unwrap();
         assert_eq!(format!("{} {}", point.kind, point.first), wire);
         let long = mobgate::scanner::Modicon(point.kind, point.first).to_string();
-        assert_eq!(
-            long.parse::<u32>().unwrap().to_string(),
-            match modicon {
-                "300005" => "30005",
-                same => same,
-            }
-        );
+        let expected = match modicon {
+            "300005" => "30005",
+            same => same,
+        };
+        assert_eq!(long.parse::<u32>().unwrap().to_string(), expected);
     }
     for bad in ["0", "10000", "20001", "50001", "100000", "166000", "465537"] {
         assert!(error(&format!("point new meter {bad}")).contains("such as 40001"), "{bad}");
     }
 }
 
+/// Lines, and the error that each gets on top of [`GOOD`].
+const ERRORS: &str = r#"
+point => column 6: end of line: expected a name for the point, as for a port
+point x => column 8: end of line: expected the name of a device, or local
+point x metr holding 0 => column 9: "metr": there is no device of this name
+point x meter holdng 0 => column 15: "holdng": expected coil, discrete, input or holding, or a number such as 40001; did you mean holding?
+point x meter holding 70000 => column 23: "70000": expected an address as it is on the wire from 0 to 65535
+point x meter holding 0 count 124 => column 31: "124": expected values in a frame from 1 to 123
+point x meter input 0 count 63 as f32 => column 29: "63": expected values in a frame from 1 to 62
+point x meter coil 0 count 1969 => column 28: "1969": expected values from 1 to 1968
+point x meter holding 65535 as u32 => column 15: "holding": the cells go beyond address 65535
+point x local coil 50 count 16 as u16 => column 32: "as": is for registers only
+point x meter coil 0 bit 3 => column 22: "bit": is for registers only
+point x meter coil 0 count 17 as u16 => column 28: "17": expected a multiple of 16: a value has that many bits
+point x meter coil 0 as u32 count 16 => column 35: "16": expected a multiple of 32: a value has that many bits
+point x meter coil 65521 count 16 as u16 => column 15: "coil": the cells go beyond address 65535
+point x meter holding 0 bit 16 => column 29: "16": expected a bit of the register from 0 to 15
+point x meter holding 0 bit 3 count 2 => column 31: "count": a bit of a register has neither count nor type
+point x meter holding 0 as i16 bit 3 => column 32: "bit": a bit of a register has neither count nor type
+point x meter input 0 bit 3 write auto => column 29: "write": discrete inputs and input registers cannot be written
+point x local holding 900 bit 3 => column 27: "bit": expected count, as, of, quality or label
+point x local holding 900 of run => column 30: "run": has bits where the other has numbers
+point x local coil 900 of lamps => column 27: "lamps": has numbers where the other has bits
+point x meter input 0 write auto => column 23: "write": discrete inputs and input registers cannot be written
+point x meter holding 0 read 250 => column 30: "250": expected a time with its unit, such as 300ms, 1.75ms, 750us, 1s or 2m
+point x meter holding 0 read 750us => column 30: "750us": expected a time from 1ms to 3600s
+point x meter holding 0 read 1.5ms => column 30: "1.5ms": expected whole milliseconds
+point x meter holding 0 read sometimes => column 30: "sometimes": expected low, normal, high, manual, or a period such as 250ms
+point x meter holding 0 count 2 count 3 => column 33: "count": is set twice in this line
+point x meter holding 0 of power => column 25: "of": expected count, as, bit, read, write, multiple or label
+point x local holding 0 read high => column 25: "read": expected count, as, of, quality or label
+point x local holding 10 => column 15: "holding": another local point has cells there
+point x local input 201 => column 15: "input": another local point has cells there
+point x local input 0 quality 199 => column 15: "input": another local point has cells there
+point x local input 0 quality 0 => column 15: "input": another local point has cells there
+point x local holding 900 of open => column 30: "open": has bits where the other has numbers
+point x local holding 900 of seen => column 30: "seen": has no variable of its own
+point x local holding 900 of nobody => column 30: "nobody": there is no point of this name
+point x local holding 900 of power count 2 => column 36: "count": cannot be combined with of: the other point has the values
+point power local input 900 of kept => column 7: "power": comes before the point that it would show: delete it first
+point power meter input 0 count 7 as f32 => column 7: "power": another point shows this one: delete or change that first
+point x meter holding 0 label "this label is too long for it" => column 31: "this label is too long for it": expected a label of at most 23 bytes, in quotes
+point x meter holding 0 label "open => column 31: ""open": expected a label of at most 23 bytes, in quotes
+point local meter holding 0 => column 7: "local": expected a name for the point, as for a port
+device x => column 9: end of line: expected unit and the device's unit id
+device x unit 256 => column 15: "256": expected a unit id from 1 to 255
+device x unit 5 order 3201 => column 23: "3201": expected 0123, 2301, 1032 or 3210; did you mean 2301?
+delete device meter => column 15: "meter": points refer to this device: delete them first
+delete point power => column 14: "power": another point shows this one: delete or change that first
+delete point nobody => column 14: "nobody": there is no point of this name
+port other scanner => column 12: "scanner": another port is the scanner
+port scan tcp server 502 => column 6: "scan": this port polls the devices: delete them first
+port other scanner broadcast all => column 20: "broadcast": expected the end of the line
+edit port scan broadcast all => column 16: "broadcast": a scanner has nothing to set
+route scan 1 10.0.0.1 * bus => column 14: "10.0.0.1": clients of this source have no IP address: expected *
+"#;
+
 #[test]
 fn an_error_names_the_word_and_its_column() {
-    for (line, expected) in [
-        ("point", "column 6: end of line: expected a name for the point, as for a port"),
-        ("point x", "column 8: end of line: expected the name of a device, or local"),
-        ("point x metr holding 0", "column 9: \"metr\": there is no device of this name"),
-        (
-            "point x meter holdng 0",
-            "column 15: \"holdng\": expected coil, discrete, input or holding, or a number such as 40001; did you mean holding?",
-        ),
-        (
-            "point x meter holding 70000",
-            "column 23: \"70000\": expected an address as it is on the wire from 0 to 65535",
-        ),
-        ("point x meter holding 0 count 124", "column 31: \"124\": expected values in a frame from 1 to 123"),
-        (
-            "point x meter input 0 count 63 as f32",
-            "column 29: \"63\": expected values in a frame from 1 to 62",
-        ),
-        ("point x meter coil 0 count 1969", "column 28: \"1969\": expected values from 1 to 1968"),
-        ("point x meter holding 65535 as u32", "column 15: \"holding\": the cells go beyond address 65535"),
-        ("point x local coil 50 count 16 as u16", "column 32: \"as\": is for registers only"),
-        ("point x meter coil 0 bit 3", "column 22: \"bit\": is for registers only"),
-        (
-            "point x meter coil 0 count 17 as u16",
-            "column 28: \"17\": expected a multiple of 16: a value has that many bits",
-        ),
-        (
-            "point x meter coil 0 as u32 count 16",
-            "column 35: \"16\": expected a multiple of 32: a value has that many bits",
-        ),
-        (
-            "point x meter coil 65521 count 16 as u16",
-            "column 15: \"coil\": the cells go beyond address 65535",
-        ),
-        ("point x meter holding 0 bit 16", "column 29: \"16\": expected a bit of the register from 0 to 15"),
-        (
-            "point x meter holding 0 bit 3 count 2",
-            "column 31: \"count\": a bit of a register has neither count nor type",
-        ),
-        (
-            "point x meter holding 0 as i16 bit 3",
-            "column 32: \"bit\": a bit of a register has neither count nor type",
-        ),
-        (
-            "point x meter input 0 bit 3 write auto",
-            "column 29: \"write\": discrete inputs and input registers cannot be written",
-        ),
-        ("point x local holding 900 bit 3", "column 27: \"bit\": expected count, as, of, quality or label"),
-        ("point x local holding 900 of run", "column 30: \"run\": has bits where the other has numbers"),
-        ("point x local coil 900 of lamps", "column 27: \"lamps\": has numbers where the other has bits"),
-        (
-            "point x meter input 0 write auto",
-            "column 23: \"write\": discrete inputs and input registers cannot be written",
-        ),
-        (
-            "point x meter holding 0 read 250",
-            "column 30: \"250\": expected a time with its unit, such as 300ms, 1.75ms, 750us, 1s or 2m",
-        ),
-        ("point x meter holding 0 read 750us", "column 30: \"750us\": expected a time from 1ms to 3600s"),
-        ("point x meter holding 0 read 1.5ms", "column 30: \"1.5ms\": expected whole milliseconds"),
-        (
-            "point x meter holding 0 read sometimes",
-            "column 30: \"sometimes\": expected low, normal, high, manual, or a period such as 250ms",
-        ),
-        ("point x meter holding 0 count 2 count 3", "column 33: \"count\": is set twice in this line"),
-        (
-            "point x meter holding 0 of power",
-            "column 25: \"of\": expected count, as, bit, read, write, multiple or label",
-        ),
-        (
-            "point x local holding 0 read high",
-            "column 25: \"read\": expected count, as, of, quality or label",
-        ),
-        ("point x local holding 10", "column 15: \"holding\": another local point has cells there"),
-        ("point x local input 201", "column 15: \"input\": another local point has cells there"),
-        ("point x local input 0 quality 199", "column 15: \"input\": another local point has cells there"),
-        ("point x local input 0 quality 0", "column 15: \"input\": another local point has cells there"),
-        ("point x local holding 900 of open", "column 30: \"open\": has bits where the other has numbers"),
-        ("point x local holding 900 of seen", "column 30: \"seen\": has no variable of its own"),
-        ("point x local holding 900 of nobody", "column 30: \"nobody\": there is no point of this name"),
-        (
-            "point x local holding 900 of power count 2",
-            "column 36: \"count\": cannot be combined with of: the other point has the values",
-        ),
-        (
-            "point power local input 900 of kept",
-            "column 7: \"power\": comes before the point that it would show: delete it first",
-        ),
-        (
-            "point power meter input 0 count 7 as f32",
-            "column 7: \"power\": another point shows this one: delete or change that first",
-        ),
-        (
-            "point x meter holding 0 label \"this label is too long for it\"",
-            "column 31: \"this label is too long for it\": expected a label of at most 23 bytes, in quotes",
-        ),
-        (
-            "point x meter holding 0 label \"open",
-            "column 31: \"\"open\": expected a label of at most 23 bytes, in quotes",
-        ),
-        ("point local meter holding 0", "column 7: \"local\": expected a name for the point, as for a port"),
-        ("device x", "column 9: end of line: expected unit and the device's unit id"),
-        ("device x unit 256", "column 15: \"256\": expected a unit id from 1 to 255"),
-        (
-            "device x unit 5 order 3201",
-            "column 23: \"3201\": expected 0123, 2301, 1032 or 3210; did you mean 2301?",
-        ),
-        ("delete device meter", "column 15: \"meter\": points refer to this device: delete them first"),
-        (
-            "delete point power",
-            "column 14: \"power\": another point shows this one: delete or change that first",
-        ),
-        ("delete point nobody", "column 14: \"nobody\": there is no point of this name"),
-        ("port other scanner", "column 12: \"scanner\": another port is the scanner"),
-        ("port scan tcp server 502", "column 6: \"scan\": this port polls the devices: delete them first"),
-        ("port other scanner broadcast all", "column 20: \"broadcast\": expected the end of the line"),
-        ("edit port scan broadcast all", "column 16: \"broadcast\": a scanner has nothing to set"),
-        (
-            "route scan 1 10.0.0.1 * bus",
-            "column 14: \"10.0.0.1\": clients of this source have no IP address: expected *",
-        ),
-    ] {
+    for case in ERRORS.trim().lines() {
+        let (line, expected) = case.split_once(" => ").unwrap();
         assert_eq!(error(line), expected, "{line}");
     }
     let mut empty = Settings::new();
@@ -247,7 +177,7 @@ fn an_error_names_the_word_and_its_column() {
 
 #[test]
 fn devices_points_and_values_are_bounded() {
-    let mut settings = load("port scan scanner\n");
+    let mut settings = settings_of("port scan scanner\n");
     for unit in 1..=32 {
         apply(&mut settings, &format!("device d{unit} unit {unit}")).unwrap();
     }
@@ -263,12 +193,12 @@ fn devices_points_and_values_are_bounded() {
     }
     let full = apply(&mut settings, "point p17 d1 holding 0 count 123").unwrap_err().to_string();
     assert_eq!(full, "column 14: \"holding\": the values of all points would take more than 4096 bytes");
-    assert_eq!(load(&print(&settings)), settings);
+    assert_eq!(settings_of(&print(&settings)), settings);
 }
 
 #[test]
 fn places_close_up_when_a_device_or_a_point_goes() {
-    let mut settings = load(GOOD);
+    let mut settings = settings_of(GOOD);
     for line in [
         "delete point runs",
         "delete point run",
@@ -280,7 +210,7 @@ fn places_close_up_when_a_device_or_a_point_goes() {
     ] {
         apply(&mut settings, line).unwrap();
     }
-    assert_eq!(load(&print(&settings)), settings);
+    assert_eq!(settings_of(&print(&settings)), settings);
     apply(&mut settings, "point shows local coil 50 of open").unwrap();
     apply(&mut settings, "delete point alarm").unwrap();
     assert!(print(&settings).contains("coil 50 of open"));
@@ -340,7 +270,7 @@ proptest! {
         let pool = FramePool::new(&[], 0);
         let scanner = ScannerState::new();
         let gateway = Gateway::new(&pool, &places, &[]).with_scanner(&scanner);
-        let mut settings = load("port scan scanner\ndevice m unit 1\ndevice n unit 2\n");
+        let mut settings = settings_of("port scan scanner\ndevice m unit 1\ndevice n unit 2\n");
         gateway.apply(&settings).unwrap();
         for line in lines {
             let before = settings.clone();
@@ -348,7 +278,7 @@ proptest! {
                 prop_assert_eq!(&settings, &before, "{}", line);
                 continue;
             }
-            prop_assert_eq!(&load(&print(&settings)), &settings, "{}", line);
+            prop_assert_eq!(&settings_of(&print(&settings)), &settings, "{}", line);
             gateway.apply(&settings).unwrap();
             scanner.with(|scanner| {
                 prop_assert_eq!((scanner.devices(), scanner.rows()), (settings.devices.len(), settings.points.len()));

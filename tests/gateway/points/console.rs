@@ -1,11 +1,8 @@
 //! Each command for data points, typed at the console of a gateway with a device on its line.
 
-use mobgate_simulator::Device;
-use mobgate_simulator::World;
-use mobgate_simulator::console::{typed, typed_slowly};
-use mobgate_simulator::rig::{Rig, with_gateway};
+use mobgate_simulator::console::typed_slowly;
 
-use super::{MS, SECOND};
+use crate::prelude::*;
 
 const SETTINGS: &str = "port bus serial uart1 rtu client 19200 8E1
     port scan scanner
@@ -49,10 +46,9 @@ fn write_sends_the_values_at_once_by_hand_and_automatically() {
     with_device(|world, rig, device| {
         let said = world.run_until(typed(rig.gateway, "write limit 99\nwrite ramp 1 2 3\nwrite lamp on\n"));
         assert_eq!(said.matches("0802h ok wrote;").count(), 3, "{said}");
-        assert_eq!(
-            writes(&device),
-            [vec![6, 0, 7, 0, 99], vec![16, 0, 20, 0, 3, 6, 0, 1, 0, 2, 0, 3], vec![5, 0, 3, 0xff, 0]]
-        );
+        let expected =
+            [vec![6, 0, 7, 0, 99], vec![16, 0, 20, 0, 3, 6, 0, 1, 0, 2, 0, 3], vec![5, 0, 3, 0xff, 0]];
+        assert_eq!(writes(&device), expected);
     });
 }
 
@@ -68,21 +64,16 @@ fn mark_reads_or_writes_all_points_in_a_range_of_addresses_by_the_function() {
         assert_eq!(writes(&device), [[0; 0]; 0]);
         world.run_until(typed(rig.gateway, "mark meter 16 7-20\n"));
         world.run_for(150 * MS);
-        assert_eq!(
-            writes(&device),
-            [vec![6, 0, 7, 5, 7], vec![16, 0, 20, 0, 3, 6, 5, 20, 5, 21, 5, 22]],
-            "as their variables are"
-        );
+        let expected = [vec![6, 0, 7, 5, 7], vec![16, 0, 20, 0, 3, 6, 5, 20, 5, 21, 5, 22]];
+        assert_eq!(writes(&device), expected, "as their variables are");
     });
 }
 
 #[test]
 fn between_begin_and_finish_cells_are_only_set_and_then_go_in_one_frame() {
     with_device(|world, rig, device| {
-        let said = world.run_until(typed(
-            rig.gateway,
-            "read ramp\nbegin ramp\nwrite ramp at 0 10\nwrite ramp at 2 30\nread ramp\n",
-        ));
+        let lines = "read ramp\nbegin ramp\nwrite ramp at 0 10\nwrite ramp at 2 30\nread ramp\n";
+        let said = world.run_until(typed(rig.gateway, lines));
         assert_eq!(said.matches("blocked").count(), 2, "{said}");
         assert!(said.ends_with("a safe write has begun\n"), "{said}");
         world.run_for(5 * SECOND);

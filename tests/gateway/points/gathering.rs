@@ -2,25 +2,18 @@
 
 use std::iter::from_fn;
 
-use embassy_time::Duration;
-use mobgate::scanner::{
-    ByteOrder, ErrorCode, Form, Full, Kind, Reading, Refused, Row, Scanner, Status, VALUE_BYTES_MAX, Writing,
+use mobgate::scanner::{ByteOrder, Form, Full, Request, VALUE_BYTES_MAX};
+
+use super::{
+    START, add, answer, answered, at, bit_of, checked_scanner, device, exchange, lose, manual, requests, row,
+    scanner, scanner_with,
 };
-use mobgate_simulator::Random;
-use proptest::prelude::*;
-
-use super::{START, add, at, bit_of, device, exchange, lose, row, scanner};
-
-/// The requests that are made at `ms`, each answered at once.
-fn requests(scanner: &mut Scanner, ms: u64) -> Vec<Vec<u8>> {
-    from_fn(|| exchange(scanner, at(ms))).map(|request| request.pdu.to_vec()).collect()
-}
+use crate::prelude::*;
 
 #[test]
 fn neighbours_are_one_frame_and_a_hole_makes_two() {
     for (second, frames) in [(1, 1), (2, 2)] {
-        let (mut scanner, device) = scanner();
-        add(&mut scanner, row(device, Kind::Holding, 0, 1));
+        let (mut scanner, device, _) = scanner_with(|device| row(device, Kind::Holding, 0, 1));
         add(&mut scanner, row(device, Kind::Holding, second, 1));
         assert_eq!(requests(&mut scanner, 0).len(), frames);
     }
@@ -30,16 +23,14 @@ fn neighbours_are_one_frame_and_a_hole_makes_two() {
 fn a_frame_is_as_long_as_it_may_be_and_rows_join_it_from_both_sides() {
     for (kind, most) in [(Kind::Holding, 125), (Kind::Coil, 2_000)] {
         for (more, frames) in [(0, 1), (1, 2)] {
-            let (mut scanner, device) = scanner();
-            add(&mut scanner, row(device, kind, 0, 50));
+            let (mut scanner, device, _) = scanner_with(|device| row(device, kind, 0, 50));
             add(&mut scanner, row(device, kind, 50, most - 50 + more));
             assert_eq!(requests(&mut scanner, 0).len(), frames, "{most} {more}");
         }
     }
     for (first, second) in [(0, 1), (1, 0)] {
         let (mut scanner, device) = scanner();
-        let ids = [0, 1]
-            .map(|at| add(&mut scanner, Row { read: Reading::Manual, ..row(device, Kind::Holding, at, 1) }));
+        let ids = [0, 1].map(|at| add(&mut scanner, manual(device, Kind::Holding, at, 1)));
         scanner.read(ids[first], START).unwrap();
         scanner.read(ids[second], START).unwrap();
         assert_eq!(requests(&mut scanner, 0), [[3, 0, 0, 0, 2]]);
@@ -57,8 +48,7 @@ fn rows_that_begin_at_one_address_are_one_frame() {
 
 #[test]
 fn what_is_to_be_written_does_not_wait_for_the_check_before_a_poll() {
-    let (mut scanner, _) = scanner();
-    let checked = scanner.add_device(super::Device { check: true, ..device(7) }).unwrap();
+    let (mut scanner, checked) = checked_scanner();
     let id = add(&mut scanner, row(checked, Kind::Holding, 0, 1));
     scanner.put(id, 0, 1, &[0, 1], START).unwrap();
     let functions: Vec<u8> = requests(&mut scanner, 0).iter().map(|pdu| pdu[0]).collect();
@@ -79,11 +69,9 @@ fn devices_take_turns() {
 
 #[test]
 fn what_changes_while_a_frame_is_repeated_does_not_change_the_frame() {
-    let (mut scanner, device) = scanner();
-    add(&mut scanner, row(device, Kind::Input, 0, 1));
+    let (mut scanner, device, _) = scanner_with(|device| row(device, Kind::Input, 0, 1));
     let asked = lose(&mut scanner, at(0)).unwrap();
-    let manual = Row { read: Reading::Manual, ..row(device, Kind::Input, 1, 1) };
-    let neighbour = add(&mut scanner, manual);
+    let neighbour = add(&mut scanner, manual(device, Kind::Input, 1, 1));
     scanner.read(neighbour, at(0)).unwrap();
     assert_eq!(exchange(&mut scanner, at(0)), Some(asked));
     assert_eq!(requests(&mut scanner, 0), [[4, 0, 1, 0, 1]]);
@@ -91,8 +79,7 @@ fn what_changes_while_a_frame_is_repeated_does_not_change_the_frame() {
 
 #[test]
 fn a_value_that_is_set_while_the_one_before_is_written_is_written_once() {
-    let (mut scanner, device) = scanner();
-    let id = add(&mut scanner, Row { read: Reading::Manual, ..row(device, Kind::Holding, 0, 1) });
+    let (mut scanner, device, id) = scanner_with(|device| manual(device, Kind::Holding, 0, 1));
     // Whether the first one got a response.
     for answered in [true, false] {
         scanner.put(id, 0, 1, &[0, 1], START).unwrap();
@@ -109,8 +96,7 @@ fn a_read_that_failed_is_no_reason_to_write_what_has_not_changed() {
     let (mut scanner, device) = scanner();
     let id = add(&mut scanner, Row { write: Writing::OnChange, ..row(device, Kind::Holding, 0, 1) });
     assert_eq!(requests(&mut scanner, 0).len(), 1);
-    scanner.next(at(1_000)).unwrap();
-    scanner.answered(device, at(1_000), Ok(&[0x83, 2]));
+    answered(&mut scanner, at(1_000), &[0x83, 2]);
     let value = scanner.input(id).to_vec();
     scanner.put(id, 0, 1, &value, at(1_000)).unwrap();
     assert_eq!(scanner.next(at(1_000)), None);
@@ -121,8 +107,7 @@ fn a_read_that_failed_is_no_reason_to_write_what_has_not_changed() {
 #[test]
 fn coils_that_are_written_on_change_are_written_when_one_of_them_changes() {
     let (mut scanner, device) = scanner();
-    let coils = Row { read: Reading::Manual, write: Writing::OnChange, ..row(device, Kind::Coil, 0, 4) };
-    let id = add(&mut scanner, coils);
+    let id = add(&mut scanner, Row { write: Writing::OnChange, ..manual(device, Kind::Coil, 0, 4) });
     for (coils, writes) in [(0b0000, 0), (0b0100, 1), (0b0100, 0), (0b0101, 1), (0b0000, 1)] {
         scanner.put(id, 0, 4, &[coils], START).unwrap();
         assert_eq!(requests(&mut scanner, 0).len(), writes, "{coils:04b}");
@@ -141,8 +126,7 @@ fn outputs_that_differ_are_written_when_outputs_are_on_and_not_after_a_restart()
         let [input, output] = [0; 2].map(|_| scanner.allocate(2).unwrap());
         let write = Writing::OnChange;
         scanner.add_row(Row { input, output, write, ..row(device, Kind::Holding, 0, 1) }, START).unwrap();
-        scanner.next(at(0)).unwrap();
-        scanner.answered(device, at(0), Ok(&[3, 2, 7, 8]));
+        answered(&mut scanner, at(0), &[3, 2, 7, 8]);
         let written = requests(&mut scanner, 0);
         assert_eq!(written.len(), usize::from(on), "{written:?}");
     }
@@ -165,8 +149,7 @@ fn what_is_late_is_due_again_at_the_next_point_of_its_raster() {
     const TICK: Duration = Duration::from_ticks(1);
     for (late, next) in [(at(2_000) - TICK, at(2_000)), (at(2_000), at(2_200)), (at(2_000) + TICK, at(2_200))]
     {
-        let (mut scanner, device) = scanner();
-        add(&mut scanner, row(device, Kind::Holding, 0, 1));
+        let (mut scanner, _, _) = scanner_with(|device| row(device, Kind::Holding, 0, 1));
         assert!(exchange(&mut scanner, late).is_some());
         assert_eq!(scanner.due(), next);
     }
@@ -186,8 +169,7 @@ fn the_two_examples_of_the_note_take_six_frames_and_two() {
         add(&mut together, row(device, Kind::Holding, 8 * station, 8));
         add(&mut together, row(device, Kind::Coil, 24 * station, 24));
     }
-    let frames = requests(&mut together, 0);
-    assert_eq!(frames, [[1, 0, 0, 0, 72], [3, 0, 0, 0, 24]]);
+    assert_eq!(requests(&mut together, 0), [[1, 0, 0, 0, 72], [3, 0, 0, 0, 24]]);
 }
 
 #[test]
@@ -206,8 +188,7 @@ fn single_cells_are_written_by_functions_5_and_6_each_alone_and_gathered_by_15_a
         let (mut scanner, device) = scanner();
         let mut ids = Vec::new();
         for (kind, first) in [(Kind::Coil, 3), (Kind::Coil, 4), (Kind::Holding, 7), (Kind::Holding, 8)] {
-            let plain = row(device, kind, first, 1);
-            ids.push(add(&mut scanner, Row { multiple, read: Reading::Manual, ..plain }));
+            ids.push(add(&mut scanner, Row { multiple, ..manual(device, kind, first, 1) }));
         }
         for (id, value) in ids.into_iter().zip([[1, 1], [0, 0], [1, 1], [1, 1]]) {
             scanner.put(id, 0, 1, &value, START).unwrap();
@@ -224,9 +205,8 @@ fn single_cells_are_written_by_functions_5_and_6_each_alone_and_gathered_by_15_a
 #[test]
 fn a_cell_that_is_written_by_function_6_is_not_written_along_with_its_neighbours() {
     let (mut scanner, device) = scanner();
-    let manual = |first, count| Row { read: Reading::Manual, ..row(device, Kind::Holding, first, count) };
-    let rows = [manual(0, 2), manual(2, 1), manual(3, 2)].map(|row| add(&mut scanner, row));
-    for (id, count) in rows.into_iter().zip([2, 1, 2]) {
+    for (first, count) in [(0, 2), (2, 1), (3, 2)] {
+        let id = add(&mut scanner, manual(device, Kind::Holding, first, count));
         scanner.put(id, 0, count, &[0, 1, 0, 1][..2 * usize::from(count)], START).unwrap();
     }
     let frames = requests(&mut scanner, 0);
@@ -235,8 +215,7 @@ fn a_cell_that_is_written_by_function_6_is_not_written_along_with_its_neighbours
 
 #[test]
 fn a_row_that_is_late_by_a_whole_period_is_read_once() {
-    let (mut scanner, device) = scanner();
-    add(&mut scanner, row(device, Kind::Holding, 0, 1));
+    let (mut scanner, _, _) = scanner_with(|device| row(device, Kind::Holding, 0, 1));
     assert_eq!([0, 2_000].map(|ms| requests(&mut scanner, ms).len()), [1, 1]);
 }
 
@@ -255,17 +234,15 @@ fn a_row_that_is_never_written_or_has_no_device_refuses_to_be_written() {
 #[test]
 fn a_row_in_a_safe_write_is_not_written_along_with_its_neighbour_nor_read_along() {
     let (mut scanner, device) = scanner();
-    let manual = |first| Row { read: Reading::Manual, ..row(device, Kind::Holding, first, 2) };
-    let (below, blocked, above) = (manual(0), manual(2), manual(4));
-    let [below, blocked, above] = [below, blocked, above].map(|row| add(&mut scanner, row));
+    let [below, blocked, above] =
+        [0, 2, 4].map(|first| add(&mut scanner, manual(device, Kind::Holding, first, 2)));
     // It was marked before the safe write began, and keeps that mark: half of the new values must not go.
     for id in [below, blocked, above] {
         scanner.put(id, 0, 2, &[0, 1, 0, 1], START).unwrap();
     }
     scanner.begin(blocked, START).unwrap();
     scanner.put(blocked, 0, 1, &[0, 7], START).unwrap();
-    let frames = requests(&mut scanner, 0);
-    assert_eq!(frames, [[16, 0, 0, 0, 2, 4, 0, 1, 0, 1], [16, 0, 4, 0, 2, 4, 0, 1, 0, 1]]);
+    assert_eq!(requests(&mut scanner, 0), [[16, 0, 0, 0, 2, 4, 0, 1, 0, 1], [16, 0, 4, 0, 2, 4, 0, 1, 0, 1]]);
     scanner.put(blocked, 1, 1, &[0, 8], START).unwrap();
     scanner.finish(blocked).unwrap();
     assert_eq!(requests(&mut scanner, 1), [[16, 0, 2, 0, 2, 4, 0, 7, 0, 8]]);
@@ -280,9 +257,7 @@ fn a_row_in_a_safe_write_is_not_written_along_with_its_neighbour_nor_read_along(
 fn writes_that_overlap_go_one_after_the_other_in_their_order() {
     for first in [true, false] {
         let (mut scanner, device) = scanner();
-        let manual = |first, count| Row { read: Reading::Manual, ..row(device, Kind::Holding, first, count) };
-        let low = add(&mut scanner, manual(0, 4));
-        let high = add(&mut scanner, manual(2, 4));
+        let [low, high] = [0, 2].map(|first| add(&mut scanner, manual(device, Kind::Holding, first, 4)));
         let mut put =
             |id, value| scanner.put(id, 0, 4, &[0, value, 0, value, 0, value, 0, value], START).unwrap();
         let (ids, addresses) = if first { ([low, high], [0, 2]) } else { ([high, low], [2, 0]) };
@@ -298,9 +273,7 @@ fn writes_that_overlap_go_one_after_the_other_in_their_order() {
 
 #[test]
 fn bits_behind_the_last_coil_that_is_written_are_zero() {
-    let (mut scanner, device) = scanner();
-    let coils = Row { read: Reading::Manual, ..row(device, Kind::Coil, 0, 3) };
-    let id = add(&mut scanner, coils);
+    let (mut scanner, _, id) = scanner_with(|device| manual(device, Kind::Coil, 0, 3));
     scanner.put(id, 0, 3, &[0b101], START).unwrap();
     assert_eq!(requests(&mut scanner, 0), [[15, 0, 0, 0, 3, 1, 0b101]]);
 }
@@ -308,22 +281,17 @@ fn bits_behind_the_last_coil_that_is_written_are_zero() {
 #[test]
 fn coils_of_several_rows_go_out_in_one_frame_each_at_its_place() {
     let (mut scanner, device) = scanner();
-    let rows = [(0, 3), (3, 7), (10, 1)].map(|(first, count)| {
-        add(
-            &mut scanner,
-            Row { multiple: true, read: Reading::Manual, ..row(device, Kind::Coil, first, count) },
-        )
-    });
-    for (row, count, coils) in [(rows[0], 3, 0b101), (rows[1], 7, 0b110_0101), (rows[2], 1, 1)] {
-        scanner.put(row, 0, count, &[coils], START).unwrap();
+    for (first, count, coils) in [(0, 3, 0b101), (3, 7, 0b110_0101), (10, 1, 1)] {
+        let row = Row { multiple: true, ..manual(device, Kind::Coil, first, count) };
+        let id = add(&mut scanner, row);
+        scanner.put(id, 0, count, &[coils], START).unwrap();
     }
     assert_eq!(requests(&mut scanner, 0), [[15, 0, 0, 0, 11, 2, 0b0010_1101, 0b111]]);
 }
 
 #[test]
 fn what_was_asked_when_the_port_closed_is_asked_again() {
-    let (mut scanner, device) = scanner();
-    let id = add(&mut scanner, Row { read: Reading::Manual, ..row(device, Kind::Input, 7, 1) });
+    let (mut scanner, device, id) = scanner_with(|device| manual(device, Kind::Input, 7, 1));
     scanner.mark_range(device, 4, 7, 7, START).unwrap();
     let asked = scanner.next(at(0)).unwrap();
     assert_eq!(scanner.next(at(0)), None, "one request is open at a time");
@@ -344,8 +312,7 @@ fn after_a_restart_the_whole_memory_can_be_had_again() {
 
 #[test]
 fn writes_go_before_reads_and_in_their_order() {
-    let (mut scanner, device) = scanner();
-    let first = add(&mut scanner, row(device, Kind::Holding, 0, 1));
+    let (mut scanner, device, first) = scanner_with(|device| row(device, Kind::Holding, 0, 1));
     let second = add(&mut scanner, row(device, Kind::Holding, 10, 1));
     scanner.put(second, 0, 1, &[0, 3], START).unwrap();
     scanner.put(first, 0, 1, &[0, 1], START).unwrap();
@@ -401,15 +368,10 @@ fn a_device_that_is_slower_than_its_periods_is_asked_all_the_time_and_every_row_
 #[test]
 fn marking_by_function_reads_or_writes_what_is_in_the_range() {
     let (mut scanner, device) = scanner();
-    let manual = |kind, first| {
-        let plain = row(device, kind, first, 2);
-        let write = if kind == Kind::Holding { Writing::Manual } else { plain.write };
-        Row { read: Reading::Manual, write, ..plain }
-    };
     for first in [0, 10, 20] {
-        add(&mut scanner, manual(Kind::Holding, first));
+        add(&mut scanner, Row { write: Writing::Manual, ..manual(device, Kind::Holding, first, 2) });
     }
-    add(&mut scanner, manual(Kind::Input, 10));
+    add(&mut scanner, manual(device, Kind::Input, 10, 2));
     assert_eq!(scanner.mark_range(device, 3, 11, 20, START), Ok(2));
     assert_eq!(requests(&mut scanner, 0), [[3, 0, 10, 0, 2], [3, 0, 20, 0, 2]]);
     assert_eq!(scanner.mark_range(device, 16, 0, 1, START), Ok(1));
@@ -422,27 +384,20 @@ fn marking_by_function_reads_or_writes_what_is_in_the_range() {
 fn outputs_of_an_image_are_written_when_they_differ_from_what_was_read_back() {
     let (mut scanner, device) = scanner();
     let (input, output) = (scanner.allocate(8).unwrap(), scanner.allocate(8).unwrap());
-    let image = Row {
-        input,
-        output,
-        read: Reading::Every(100),
-        write: Writing::OnChange,
-        ..row(device, Kind::Holding, 9005, 4)
-    };
+    let (read, write) = (Reading::Every(100), Writing::OnChange);
+    let image = Row { input, output, read, write, ..row(device, Kind::Holding, 9005, 4) };
     let id = scanner.add_row(image, START).unwrap();
     assert_eq!(requests(&mut scanner, 0).len(), 1, "outputs are off after a restart");
     scanner.set_outputs(true);
     scanner.image_mut(output, 8).copy_from_slice(&[0, 1, 0, 2, 0, 3, 0, 4]);
-    let frames = requests(&mut scanner, 100);
-    assert_eq!(frames[1], [16, 0x23, 0x2d, 0, 4, 8, 0, 1, 0, 2, 0, 3, 0, 4]);
+    assert_eq!(requests(&mut scanner, 100)[1], [16, 0x23, 0x2d, 0, 4, 8, 0, 1, 0, 2, 0, 3, 0, 4]);
     assert_eq!(scanner.input(id)[..2], 9005_u16.to_be_bytes(), "the image has what was read");
     assert_eq!(requests(&mut scanner, 200).len(), 2, "written again: the device has not taken it");
     let own = scanner.image(input, 8).to_vec();
     scanner.image_mut(output, 8).copy_from_slice(&own);
     assert_eq!(requests(&mut scanner, 300).len(), 1);
     scanner.image_mut(output, 8).fill(7);
-    scanner.next(at(400)).unwrap();
-    scanner.answered(device, at(400), Ok(&[3, 8, 0, 0, 0, 0, 0, 0, 0, 0]));
+    answered(&mut scanner, at(400), &[3, 8, 0, 0, 0, 0, 0, 0, 0, 0]);
     assert!(scanner.status(id, at(400)).any(Status::WRITE_MARKED));
     scanner.set_outputs(false);
     assert_eq!(scanner.next(at(400)), None, "what waits is dropped with the outputs");
@@ -461,23 +416,20 @@ fn every_output_bit_counts_and_what_stands_behind_the_last_one_does_not() {
         scanner.image_mut(output, 2).copy_from_slice(&own);
         scanner.image_mut(output, 2)[bit / 8] ^= 1 << (bit % 8);
         let frames = requests(&mut scanner, 1_000 + 1_000 * bit as u64);
-        let written = frames.iter().filter(|pdu| pdu[0] == 15).count();
-        assert_eq!(written, writes, "bit {bit}");
+        assert_eq!(frames.iter().filter(|pdu| pdu[0] == 15).count(), writes, "bit {bit}");
     }
 }
 
 #[test]
 fn a_check_goes_before_every_poll_and_a_device_that_fails_it_is_left_out() {
-    let (mut scanner, _) = scanner();
-    let checked = scanner.add_device(super::Device { check: true, ..device(7) }).unwrap();
+    let (mut scanner, checked) = checked_scanner();
     add(&mut scanner, row(checked, Kind::Input, 0, 1));
     add(&mut scanner, row(checked, Kind::Coil, 0, 1));
     let functions = |frames: Vec<Vec<u8>>| frames.iter().map(|pdu| pdu[0]).collect::<Vec<_>>();
     assert_eq!(functions(requests(&mut scanner, 0)), [8, 1, 4]);
     assert_eq!(functions(requests(&mut scanner, 1_000)), [8, 1, 4]);
     // It does not know function 8: not normal, though it answers.
-    scanner.next(at(2_000)).unwrap();
-    scanner.answered(checked, at(2_000), Ok(&[0x88, 1]));
+    answered(&mut scanner, at(2_000), &[0x88, 1]);
     assert_eq!(scanner.next(at(2_000)), None);
     let status = scanner.device_status(checked, at(2_000)).unwrap();
     assert_eq!((status.alive, status.exception), (Some(false), 1));
@@ -490,9 +442,7 @@ fn a_check_goes_before_every_poll_and_a_device_that_fails_it_is_left_out() {
 
 #[test]
 fn on_a_line_that_is_slower_than_the_polling_a_device_is_still_checked_once_before_a_poll() {
-    let mut scanner = Scanner::new();
-    scanner.restart(START);
-    let device = scanner.add_device(super::Device { check: true, ..super::device(5) }).unwrap();
+    let (mut scanner, device) = checked_scanner();
     for kind in Kind::ALL {
         add(&mut scanner, Row { read: Reading::Every(1), ..row(device, kind, 0, 1) });
     }
@@ -515,14 +465,12 @@ fn values_of_32_bits_are_turned_from_the_devices_order_and_back() {
         let id = scanner.add_device(super::Device { order, ..device(7) }).unwrap();
         let wide = add(&mut scanner, Row { form: Form::Wide, ..row(id, Kind::Holding, 0, 2) });
         let plain = add(&mut scanner, row(id, Kind::Holding, 2, 2));
-        scanner.next(at(0)).unwrap();
-        scanner.answered(id, at(0), Ok(&[&[3, 8][..], &bytes, &[1, 2, 3, 4]].concat()));
+        answered(&mut scanner, at(0), &[&[3, 8][..], &bytes, &[1, 2, 3, 4]].concat());
         assert_eq!(scanner.input(wide), [1, 2, 3, 4]);
         assert_eq!(scanner.input(plain), [1, 2, 3, 4]);
         for (row, written) in [(wide, bytes), (plain, [1, 2, 3, 4])] {
             scanner.put(row, 0, 2, &[1, 2, 3, 4], at(0)).unwrap();
-            let request = exchange(&mut scanner, at(0)).unwrap();
-            assert_eq!(request.pdu[6..], written);
+            assert_eq!(exchange(&mut scanner, at(0)).unwrap().pdu[6..], written);
         }
     }
 }
@@ -597,7 +545,7 @@ proptest! {
         let mut device_has = [None; 6];
         let mut open = Vec::new();
         for (value, (what, nth, wait)) in events.into_iter().enumerate() {
-            now += super::Duration::from_millis(wait);
+            now += Duration::from_millis(wait);
             let value = value as u8;
             match what {
                 0 | 1 => {
@@ -621,7 +569,7 @@ proptest! {
             open.extend(scanner.next(now));
             match open.pop() {
                 Some(request) => settle(&mut scanner, &mut device_has, request, now, false),
-                None => now = (now + super::Duration::from_millis(200)).max(now),
+                None => now = (now + Duration::from_millis(200)).max(now),
             }
         }
         for (nth, value) in last.iter().enumerate() {
@@ -636,15 +584,15 @@ proptest! {
 fn settle(
     scanner: &mut Scanner,
     device_has: &mut [Option<u8>; 6],
-    request: super::Request,
-    now: super::Instant,
+    request: Request,
+    now: Instant,
     lose: bool,
 ) {
     if lose {
-        return scanner.answered(request.device, now, Err(super::ErrorCode::Timeout));
+        return scanner.answered(request.device, now, Err(ErrorCode::Timeout));
     }
     if let [6, 0, address, 0, value] = request.pdu[..] {
         device_has[usize::from(address)] = Some(value);
     }
-    scanner.answered(request.device, now, Ok(&super::answer(&request)));
+    scanner.answered(request.device, now, Ok(&answer(&request)));
 }

@@ -1,15 +1,7 @@
 //! The gateway's own unit: points that TCP and serial masters read and write, what they see of a device's variables, and
 //! what they are told when they ask for what is not there.
 
-use embassy_time::Instant;
-use mobgate::scanner::{RowId, Scanner};
-use mobgate::stats::LastError;
-use mobgate_simulator::client::Answer;
-use mobgate_simulator::fault::When;
-use mobgate_simulator::rig::{Rig, machine, with_gateway};
-use mobgate_simulator::{Device, Fault, Faults, World};
-
-use super::{MS, SECOND};
+use crate::prelude::*;
 
 const SETTINGS: &str = "port bus serial uart1 rtu client 19200 8E1 timeout 100ms
     port plc serial uart2 rtu server 19200 8E1
@@ -34,8 +26,7 @@ const SETTINGS: &str = "port bus serial uart1 rtu client 19200 8E1 timeout 100ms
     point last local holding 65535";
 
 fn ask(world: &mut World<'_>, rig: &Rig<'_>, pdu: &[u8]) -> Vec<u8> {
-    let mut client = rig.client(machine(1), 502);
-    match world.run_until(client.request(1, pdu)) {
+    match rig.ask(world, 1, pdu) {
         Answer::Pdu(pdu) => pdu,
         other => panic!("{other:?}"),
     }
@@ -85,10 +76,9 @@ fn a_devices_variables_come_from_memory_at_once_with_their_age_and_status() {
         rig.attach(world, "uart1", [device.clone()]);
         world.run_for(30 * SECOND);
         let before = device.counters().all_requests();
-        let mut client = rig.client(machine(1), 502);
         let asked = Instant::now();
         for _ in 0..100 {
-            let answer = world.run_until(client.request(1, &[4, 0, 100, 0, 4]));
+            let answer = rig.ask(world, 1, &[4, 0, 100, 0, 4]);
             assert_eq!(answer, Answer::Pdu(vec![4, 8, 5, 0, 5, 1, 5, 2, 5, 3]));
         }
         assert!(asked.elapsed() < 5 * MS);
@@ -117,9 +107,7 @@ fn a_write_to_a_devices_variable_goes_on_to_the_device_and_only_where_it_is_auto
         assert_eq!(device.writes().len(), 1);
         assert_eq!(ask(world, rig, &[6, 0, 50, 0, 1]), [0x86, 2]);
         assert_eq!(ask(world, rig, &[6, 0, 100, 0, 1]), [0x86, 2], "that is an input register");
-        let mut client = rig.client(machine(1), 502);
-        let readonly = world.run_until(client.request(2, &[6, 0, 1, 0, 1]));
-        assert_eq!(readonly.exception(), Some(1));
+        assert_eq!(rig.ask(world, 2, &[6, 0, 1, 0, 1]).exception(), Some(1));
         world.run_for(SECOND);
         assert_eq!(device.writes().len(), 1);
     });
@@ -149,8 +137,7 @@ fn a_serial_master_and_a_tcp_master_see_the_same_and_their_last_errors_have_the_
         ] {
             assert_eq!(ask(world, rig, pdu), [pdu[0] | 0x80, exception], "{pdu:02x?}");
             assert_eq!(last("P502"), error, "{pdu:02x?}");
-            let answer = world.run_until(master.request(1, pdu));
-            assert_eq!(answer.exception(), Some(exception), "{pdu:02x?}");
+            assert_eq!(world.run_until(master.request(1, pdu)).exception(), Some(exception), "{pdu:02x?}");
             assert_eq!(last("plc"), error, "{pdu:02x?}");
         }
     });

@@ -1,13 +1,6 @@
 //! Data points through the whole gateway: when requests leave, what a silent device costs, many stations behind TCP.
 
-use embassy_time::Instant;
-use mobgate::scanner::{DeviceId, ErrorCode, RowId, Scanner, Status};
-use mobgate::stats::Event;
-use mobgate_simulator::fault::When;
-use mobgate_simulator::rig::{Rig, machine, with_gateway};
-use mobgate_simulator::{Device, Fault, Faults, World};
-
-use super::{Duration, MS, SECOND};
+use crate::prelude::*;
 
 const DEAD: &str = "port plc tcp client 10.0.1.1:502 timeout 300ms late-window 1ms idle 0 retries 5
     port P502 tcp server 502
@@ -58,20 +51,16 @@ fn attempts_reach_a_silent_device_15_17_to_30_seconds_after_the_last_one_failed_
                     });
                 }
             }
-            assert_eq!(
-                device.counters().all_requests(),
-                well + 3,
-                "one and two repeats, whatever the port does"
-            );
+            let asked = device.counters().all_requests();
+            assert_eq!(asked, well + 3, "one and two repeats, whatever the port does");
             scanner(rig, |scanner| scanner.put(RowId(0), 0, 1, &[0, 1], Instant::now())).unwrap();
             for seconds in [15, 17, 19, 21, 23, 25, 27, 29, 30, 30] {
                 let due = failed + Duration::from_secs(seconds);
                 if others_ask {
                     // Their probes keep the unit down, and must be over when the attempt is made.
-                    let mut client = rig.client(machine(1), 502);
-                    let _ = world.run_until(client.request(5, &[3, 0, 0, 0, 1]));
+                    let _ = rig.ask(world, 5, &[3, 0, 0, 0, 1]);
                 }
-                world.run_until(embassy_time::Timer::at(due - MS));
+                world.run_until(Timer::at(due - MS));
                 let early = device.counters().all_requests();
                 let at = next_request(world, &device, due + SECOND).expect("the attempt");
                 // From the gateway to the device it is a millisecond.
@@ -110,8 +99,8 @@ fn many_stations_behind_tcp_have_a_connection_each_and_a_broken_one_backs_off_al
             let status = scanner(rig, |scanner| scanner.status(RowId(n - 1), now));
             let device = of(n);
             match n {
-                3 => assert_eq!(status.error().map(|error| error as u8), Some(7)),
-                4 => assert_eq!(status.error().map(|error| error as u8), Some(5)),
+                3 => assert_eq!(status.error(), Some(ErrorCode::Connection)),
+                4 => assert_eq!(status.error(), Some(ErrorCode::Timeout)),
                 _ => {
                     assert_eq!(device.failures, before.failures);
                     assert_eq!(device.responses, before.responses + 50);
@@ -175,7 +164,7 @@ fn what_the_ports_full_queue_refuses_is_not_taken_for_the_devices_answer() {
             world.spawn(async move {
                 loop {
                     let _ = client.request(6, &[3, 0, 0, 0, 10]).await;
-                    embassy_time::Timer::after(40 * MS).await;
+                    Timer::after(40 * MS).await;
                 }
             });
         }
@@ -202,14 +191,10 @@ fn what_the_ports_full_queue_refuses_is_not_taken_for_the_devices_answer() {
 fn a_gateway_without_memory_for_points_refuses_them_and_changes_nothing() {
     use mobgate::frame::FramePool;
     use mobgate::gateway::{ApplyError, Gateway, Ports};
-    use mobgate::language::apply;
-    use mobgate::settings::Settings;
     let (slots, places) = ([], Ports::<0>::new());
     let pool = FramePool::new(&slots, 0);
     let gateway = Gateway::new(&pool, &places, &[]);
-    let mut settings = Settings::new();
-    apply(&mut settings, "point a local holding 0").unwrap();
-    assert_eq!(gateway.apply(&settings), Err(ApplyError::NoPoints));
+    assert_eq!(gateway.apply(&settings_of("point a local holding 0")), Err(ApplyError::NoPoints));
     assert!(gateway.settings(|settings| settings.points.is_empty()));
 }
 
@@ -254,8 +239,7 @@ fn an_attempt_at_a_server_that_was_not_there_connects_anew_at_that_moment() {
         assert_eq!((status().failures, made), (3, 0));
         // Others are told at once that there is no way.
         let mut client = rig.client(machine(1), 502);
-        let answer = world.run_until(client.request(5, &[3, 0, 0, 0, 1]));
-        assert_eq!(answer.exception(), Some(10));
+        assert_eq!(world.run_until(client.request(5, &[3, 0, 0, 0, 1])).exception(), Some(10));
         // The scan after 15 s.
         world.run_for(1_300 * MS);
         assert_eq!((status().alive, status().failures), (Some(true), 3));

@@ -1,12 +1,12 @@
 //! What a program starts by numbers: whose command was taken, how it is doing, and what becomes of one whose program is gone.
 
-use embassy_time::Instant;
-use mobgate::scanner::{
-    ABANDONED_AFTER, ErrorCode, Kind, Reading, Refused, Row, RowId, Scanner, Status, Writing,
-};
-use proptest::prelude::*;
+use mobgate::scanner::ABANDONED_AFTER;
 
-use super::{DeviceId, SECOND, START, add, answer, at, device, exchange, lose, row, scanner};
+use super::{
+    DeviceId, START, add, answer, answered, at, checked_scanner, device, exchange, lose, lose_all, row,
+    scanner, scanner_with,
+};
+use crate::prelude::*;
 
 const READ: u16 = 1;
 const WRITE: u16 = 2;
@@ -20,7 +20,7 @@ const BEGUN: u8 = 4;
 
 /// A row that nobody asks for but programs.
 fn manual(device: DeviceId, first: u16, count: u16) -> Row {
-    Row { read: Reading::Manual, write: Writing::Manual, ..row(device, Kind::Holding, first, count) }
+    Row { write: Writing::Manual, ..super::manual(device, Kind::Holding, first, count) }
 }
 
 /// Requester and what is to be done.
@@ -37,8 +37,7 @@ fn command(scanner: &Scanner, id: RowId) -> (u8, u8) {
 #[test]
 fn a_command_is_under_way_and_then_done() {
     for (operation, function) in [(READ, 3), (WRITE, 16)] {
-        let (mut scanner, device) = scanner();
-        let id = add(&mut scanner, manual(device, 0, 2));
+        let (mut scanner, device, id) = scanner_with(|device| manual(device, 0, 2));
         assert_eq!(command(&scanner, id), (0, 0), "there was none");
         scanner.start(id, by(7, operation), at(0)).unwrap();
         assert_eq!(command(&scanner, id), (7, UNDER_WAY));
@@ -72,8 +71,7 @@ fn what_was_asked_before_the_command_does_not_end_it() {
 
 #[test]
 fn a_value_that_is_commanded_while_the_one_before_is_sent_is_done_when_it_was_sent() {
-    let (mut scanner, device) = scanner();
-    let id = add(&mut scanner, manual(device, 0, 1));
+    let (mut scanner, device, id) = scanner_with(|device| manual(device, 0, 1));
     scanner.start(id, by(1, WRITE), at(0)).unwrap();
     let request = scanner.next(at(0)).unwrap();
     scanner.put(id, 0, 1, &[0, 9], at(1)).unwrap();
@@ -86,12 +84,10 @@ fn a_value_that_is_commanded_while_the_one_before_is_sent_is_done_when_it_was_se
 
 #[test]
 fn a_command_fails_with_the_rows_status() {
-    let (mut scanner, device) = scanner();
-    let id = add(&mut scanner, manual(device, 0, 1));
+    let (mut scanner, device, id) = scanner_with(|device| manual(device, 0, 1));
     let other = add(&mut scanner, manual(device, 10, 1));
     scanner.start(id, by(1, READ), at(0)).unwrap();
-    scanner.next(at(0)).unwrap();
-    scanner.answered(device, at(1), Ok(&[0x83, 2]));
+    answered(&mut scanner, at(0), &[0x83, 2]);
     assert_eq!(command(&scanner, id), (1, FAILED));
     assert_eq!(scanner.status(id, at(1)).error(), Some(ErrorCode::Address));
     // Commands that wait for a device that is left alone fail, too; a write is still sent when it is tried again.
@@ -113,11 +109,9 @@ fn a_command_fails_with_the_rows_status() {
 
 #[test]
 fn a_device_that_fails_its_check_fails_the_commands_that_wait_for_its_poll() {
-    let (mut scanner, _) = scanner();
-    let checked = scanner.add_device(super::Device { check: true, ..device(7) }).unwrap();
+    let (mut scanner, checked) = checked_scanner();
     let id = add(&mut scanner, Row { read: Reading::Normal, ..manual(checked, 0, 1) });
-    let asked = scanner.next(at(0)).unwrap();
-    assert_eq!(asked.pdu[0], 8);
+    assert_eq!(scanner.next(at(0)).unwrap().pdu[0], 8);
     scanner.start(id, by(1, READ), at(0)).unwrap();
     scanner.answered(checked, at(1), Ok(&[0x88, 1]));
     assert_eq!(command(&scanner, id), (1, FAILED));
@@ -125,8 +119,7 @@ fn a_device_that_fails_its_check_fails_the_commands_that_wait_for_its_poll() {
 
 #[test]
 fn while_a_command_is_under_way_others_are_refused_and_see_whose_it_is() {
-    let (mut scanner, device) = scanner();
-    let id = add(&mut scanner, manual(device, 0, 1));
+    let (mut scanner, _, id) = scanner_with(|device| manual(device, 0, 1));
     scanner.start(id, by(1, READ), at(0)).unwrap();
     for operation in [READ, WRITE, BEGIN, FINISH] {
         assert_eq!(scanner.start(id, by(2, operation), at(0)), Err(Refused::Taken));
@@ -143,8 +136,7 @@ fn while_a_command_is_under_way_others_are_refused_and_see_whose_it_is() {
 
 #[test]
 fn a_safe_write_is_its_requesters_until_it_is_finished() {
-    let (mut scanner, device) = scanner();
-    let id = add(&mut scanner, manual(device, 0, 2));
+    let (mut scanner, device, id) = scanner_with(|device| manual(device, 0, 2));
     let beside = add(&mut scanner, manual(device, 2, 1));
     scanner.start(id, by(1, BEGIN), at(0)).unwrap();
     assert_eq!(command(&scanner, id), (1, BEGUN));
@@ -167,8 +159,7 @@ fn a_safe_write_is_its_requesters_until_it_is_finished() {
 
 #[test]
 fn a_safe_write_of_the_console_is_not_a_programs_to_finish_but_that_of_a_program_is_the_consoles() {
-    let (mut scanner, device) = scanner();
-    let id = add(&mut scanner, manual(device, 0, 1));
+    let (mut scanner, _, id) = scanner_with(|device| manual(device, 0, 1));
     scanner.begin(id, at(0)).unwrap();
     assert_eq!(scanner.start(id, by(0, FINISH), at(0)), Err(Refused::Blocked));
     scanner.finish(id).unwrap();
@@ -190,8 +181,8 @@ fn a_safe_write_whose_program_is_gone_ends_and_leaves_no_half_of_its_values() {
     scanner.put(id, 0, 1, &[9, 9], at(2_000)).unwrap();
     let end = at(2_000) + ABANDONED_AFTER;
     assert_eq!(scanner.due(), end, "it is heard of last when it sets a value");
-    assert_eq!(scanner.next(end - super::MS), None);
-    assert!(!scanner.is_due(end - super::MS));
+    assert_eq!(scanner.next(end - MS), None);
+    assert!(!scanner.is_due(end - MS));
     assert_eq!(command(&scanner, id), (1, BEGUN));
     assert!(scanner.is_due(end));
     let request = scanner.next(end).unwrap();
@@ -207,14 +198,11 @@ fn a_safe_write_whose_program_is_gone_ends_and_leaves_no_half_of_its_values() {
 
 #[test]
 fn an_abandoned_safe_write_of_a_device_that_is_left_alone_is_read_when_that_is_tried_again() {
-    let (mut scanner, device) = scanner();
-    let id = add(&mut scanner, manual(device, 4, 2));
+    let (mut scanner, device, id) = scanner_with(|device| manual(device, 4, 2));
     let other = add(&mut scanner, manual(device, 20, 1));
     scanner.begin(id, at(0)).unwrap();
     scanner.read(other, at(50_000)).unwrap();
-    for _ in 0..3 {
-        lose(&mut scanner, at(50_000)).unwrap();
-    }
+    lose_all(&mut scanner, at(50_000));
     assert_eq!(scanner.next(at(60_000)), None);
     assert!(!scanner.status(id, at(60_000)).any(Status::WRITE_BLOCKED));
     assert_eq!(scanner.next(at(64_999)), None);
@@ -236,8 +224,7 @@ fn a_range_is_taken_as_a_whole_or_not_at_all() {
     assert_eq!(command(&scanner, ids[2]), (2, UNDER_WAY));
     exchange(&mut scanner, at(0)).unwrap();
     exchange(&mut scanner, at(0)).unwrap();
-    scanner.next(at(0)).unwrap();
-    scanner.answered(device, at(0), Ok(&[0x83, 2]));
+    answered(&mut scanner, at(0), &[0x83, 2]);
     assert_eq!((scanner.commands_of(1), scanner.commands_of(2)), (by(0, 1), 0), "one has failed");
     // MdbmMark 1, 6, 10, 12: what cannot be written is left out, and is an error alone.
     scanner.start_range([by(1, 0), 6, 10, 21], at(1)).unwrap();
@@ -247,8 +234,7 @@ fn a_range_is_taken_as_a_whole_or_not_at_all() {
 
 #[test]
 fn what_is_no_command_is_refused_and_changes_nothing() {
-    let (mut scanner, device) = scanner();
-    let id = add(&mut scanner, manual(device, 0, 1));
+    let (mut scanner, device, id) = scanner_with(|device| manual(device, 0, 1));
     let own = add(&mut scanner, Row { device: None, ..row(device, Kind::Holding, 0, 1) });
     let input = add(&mut scanner, Row { kind: Kind::Input, write: Writing::Never, ..manual(device, 0, 1) });
     let shown = add(&mut scanner, Row { device: None, of: Some(id), ..manual(device, 5, 1) });
@@ -322,7 +308,7 @@ proptest! {
         let mut open: Vec<(super::Request, Instant)> = Vec::new();
         let mut now = START;
         for (what, nth, requester, operation, wait) in events {
-            now += super::Duration::from_millis(wait);
+            now += Duration::from_millis(wait);
             if what < 3 {
                 let before = command(&scanner, ids[nth]);
                 match scanner.start(ids[nth], by(requester, operation), now) {

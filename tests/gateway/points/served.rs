@@ -1,18 +1,11 @@
 //! What clients of the gateway's own unit get, against a model that keeps each cell by itself; and the borders of tables,
 //! rows and numbers.
 
-use std::collections::HashMap;
-
-use embassy_time::Duration;
-use mobgate::modbus::Exception;
-use mobgate::scanner::{
-    ErrorCode, Full, Kind, Modicon, ROWS_MAX, Reading, Refused, Row, RowId, Scanner, Status, TypedValue,
-    ValueType, Writing,
-};
+use mobgate::scanner::{Full, Modicon, ROWS_MAX, TypedValue, ValueType};
 use proptest::collection::vec;
-use proptest::prelude::*;
 
-use super::{START, add, at, exchange, row, scanner};
+use super::{START, add, at, exchange, row, scanner, scanner_with};
+use crate::prelude::*;
 
 /// Rows without a device: table, first cell, cells.
 const ROWS: [(Kind, u16, u16); 8] = [
@@ -168,16 +161,14 @@ fn clients_write_a_devices_variable_where_it_goes_on_by_itself() {
         let expected = if open { Ok(vec![16, 0, 50, 0, 2]) } else { Err(Exception::ILLEGAL_ADDRESS) };
         assert_eq!(written, expected, "{write:?}");
         assert_eq!(scanner.input(polled), if open { &[1, 2, 3, 4] } else { &[0; 4] }, "{write:?}");
-        let marked = scanner.status(polled, START).any(Status::WRITE_MARKED);
-        assert_eq!(marked, open, "{write:?}");
+        assert_eq!(scanner.status(polled, START).any(Status::WRITE_MARKED), open, "{write:?}");
         assert_eq!(scanner.age(polled, START), None, "a device's value is as old as its last reading");
     }
 }
 
 #[test]
 fn only_cells_that_are_there_are_put_and_only_where_the_row_is_written() {
-    let (mut scanner, device) = scanner();
-    let never = add(&mut scanner, row(device, Kind::Input, 0, 2));
+    let (mut scanner, device, never) = scanner_with(|device| row(device, Kind::Input, 0, 2));
     let own =
         add(&mut scanner, Row { device: None, write: Writing::Never, ..row(device, Kind::Input, 0, 2) });
     let flags = add(&mut scanner, row(device, Kind::Coil, 0, 10));
@@ -211,51 +202,31 @@ fn marking_takes_rows_that_share_a_cell_with_the_range_and_says_why_there_is_non
         assert_eq!(scanner.mark_range(device, 1, first, last, START), Err(Refused::NotThere));
         assert_eq!(scanner.mark_range(device, 7, first, last, START), Err(Refused::NotThere));
     }
-    assert!(
-        scanner.status(ten, START).any(Status::READ_MARKED)
-            && scanner.status(ten, START).any(Status::WRITE_MARKED)
-    );
+    let status = scanner.status(ten, START);
+    assert!(status.any(Status::READ_MARKED) && status.any(Status::WRITE_MARKED));
     let fixed = add(&mut scanner, Row { write: Writing::Never, ..row(device, Kind::Holding, 30, 1) });
     assert_eq!(scanner.mark_range(device, 6, 30, 30, START), Err(Refused::ReadOnly));
-    assert_eq!(
-        (scanner.write(fixed), scanner.begin(fixed, START)),
-        (Err(Refused::ReadOnly), Err(Refused::ReadOnly))
-    );
+    assert_eq!([scanner.write(fixed), scanner.begin(fixed, START)], [Err(Refused::ReadOnly); 2]);
     assert_eq!(scanner.begin(ten, START), Ok(()));
     assert_eq!(scanner.begin(ten, START), Err(Refused::Blocked));
-    assert_eq!(
-        (scanner.write(ten), scanner.read(ten, START)),
-        (Err(Refused::Blocked), Err(Refused::Blocked))
-    );
+    assert_eq!([scanner.write(ten), scanner.read(ten, START)], [Err(Refused::Blocked); 2]);
     assert_eq!((scanner.finish(ten), scanner.finish(ten)), (Ok(()), Err(Refused::NotBlocked)));
     let own = add(&mut scanner, Row { device: None, ..row(device, Kind::Holding, 30, 1) });
-    assert_eq!(
-        (scanner.write(own), scanner.read(own, START)),
-        (Err(Refused::NoDevice), Err(Refused::NoDevice))
-    );
+    assert_eq!([scanner.write(own), scanner.read(own, START)], [Err(Refused::NoDevice); 2]);
     let gone = RowId(99);
-    assert_eq!(
-        (scanner.write(gone), scanner.read(gone, START)),
-        (Err(Refused::NotThere), Err(Refused::NotThere))
-    );
-    assert_eq!(
-        (scanner.begin(gone, START), scanner.finish(gone)),
-        (Err(Refused::NotThere), Err(Refused::NotThere))
-    );
+    assert_eq!([scanner.write(gone), scanner.read(gone, START)], [Err(Refused::NotThere); 2]);
+    assert_eq!([scanner.begin(gone, START), scanner.finish(gone)], [Err(Refused::NotThere); 2]);
 }
 
 #[test]
 fn a_device_that_is_left_alone_says_how_long() {
-    let (mut scanner, device) = scanner();
-    let id = add(&mut scanner, row(device, Kind::Holding, 0, 1));
+    let (mut scanner, device, id) = scanner_with(|device| row(device, Kind::Holding, 0, 1));
     for _ in 0..3 {
         super::lose(&mut scanner, at(0)).unwrap();
     }
     assert_eq!(scanner.read(id, at(1_000)), Err(Refused::BackingOff(Duration::from_secs(14))));
-    assert_eq!(
-        Refused::BackingOff(Duration::from_millis(1_500)).to_string(),
-        "its device does not respond; next attempt in 2s"
-    );
+    let refused = Refused::BackingOff(Duration::from_millis(1_500)).to_string();
+    assert_eq!(refused, "its device does not respond; next attempt in 2s");
     let status = |ms| scanner.device_status(device, at(ms)).unwrap();
     assert_eq!((status(14_999).backs_off_until, status(15_000).backs_off_until), (Some(at(15_000)), None));
     assert_eq!((status(0).requests, status(0).failures, status(0).responses), (3, 3, 0));
@@ -281,10 +252,8 @@ fn each_table_has_its_functions_and_limits_and_its_numbers_in_modicons_notation(
         }
         assert_eq!((kind.is_bits(), kind.is_writable()), (bits, !writes.is_empty()));
         assert_eq!([false, true].map(|write| kind.cells_max(write)), most);
-        assert_eq!(
-            [0, 1, 8, 9].map(|cells| kind.bytes(cells)),
-            if bits { [0, 1, 1, 2] } else { [0, 2, 16, 18] }
-        );
+        let bytes = if bits { [0, 1, 1, 2] } else { [0, 2, 16, 18] };
+        assert_eq!([0, 1, 8, 9].map(|cells| kind.bytes(cells)), bytes);
     }
     let parsed = |number| Modicon::parse(number).map(|Modicon(kind, address)| (kind.modicon(), address));
     for (digit, is_table) in [(0, true), (1, true), (2, false), (3, true), (4, true), (5, false)] {
@@ -367,11 +336,8 @@ fn a_range_takes_as_many_rows_as_it_takes_frames_and_the_last_free_one() {
             let added = scanner.add_range(row(device, kind, 7, count), START);
             let expected = if free < rows { Err(Full::Rows) } else { Ok(()) };
             assert_eq!(added, expected, "{kind:?} {count} {free}");
-            assert_eq!(
-                scanner.rows(),
-                ROWS_MAX - free + if free < rows { 0 } else { rows },
-                "{kind:?} {count} {free}"
-            );
+            let added = ROWS_MAX - free + if free < rows { 0 } else { rows };
+            assert_eq!(scanner.rows(), added, "{kind:?} {count} {free}");
         }
     }
 }

@@ -1,14 +1,14 @@
 //! The status word of a row, the numbers of errors, and what a row does when its device does not answer.
 
-use embassy_time::Instant;
-use mobgate::modbus::Exception;
 use mobgate::scanner::{
-    BACK_OFF_FIRST, BACK_OFF_LONGEST, BACK_OFF_STEP, Device, DeviceStatus, ErrorCode, Kind, REPEATS, Reading,
-    Refused, Row, SCAN, Scanner, Status, Writing,
+    BACK_OFF_FIRST, BACK_OFF_LONGEST, BACK_OFF_STEP, Device, DeviceStatus, REPEATS, SCAN,
 };
-use mobgate::stats::LastError;
 
-use super::{Duration, MS, SECOND, add, at, exchange, lose, row, scanner};
+use super::{
+    add, answer, answered, at, checked_scanner, exchange, lose, lose_all, polled_with, row, scanner,
+    scanner_with,
+};
+use crate::prelude::*;
 
 fn vectors() -> toml::Table {
     include_str!("vectors/status.toml").parse().unwrap()
@@ -102,12 +102,10 @@ fn times_are_those_of_the_vectors() {
 
 #[test]
 fn a_row_goes_from_new_to_marked_to_busy_to_ok() {
-    let (mut scanner, device) = scanner();
-    let id = add(&mut scanner, row(device, Kind::Holding, 0, 1));
+    let (mut scanner, device, id) = scanner_with(|device| row(device, Kind::Holding, 0, 1));
     let other = add(&mut scanner, row(device, Kind::Coil, 0, 1));
     assert_eq!(scanner.status(id, at(0)).bits(), 0);
-    let request = scanner.next(at(0)).unwrap();
-    assert_eq!(request.pdu, [1, 0, 0, 0, 1], "function 1 goes before function 3");
+    assert_eq!(scanner.next(at(0)).unwrap().pdu, [1, 0, 0, 0, 1], "function 1 goes before function 3");
     assert_eq!(scanner.status(other, at(0)), Status::IN_PROGRESS);
     assert_eq!(scanner.status(id, at(0)), Status::READ_MARKED);
     scanner.answered(device, at(3), Ok(&[1, 1, 1]));
@@ -120,9 +118,7 @@ fn a_row_goes_from_new_to_marked_to_busy_to_ok() {
 
 #[test]
 fn a_write_is_marked_then_on_its_way_then_the_last_one() {
-    let (mut scanner, device) = scanner();
-    let id = add(&mut scanner, row(device, Kind::Holding, 7, 1));
-    while exchange(&mut scanner, at(0)).is_some() {}
+    let (mut scanner, device, id) = polled_with(|device| row(device, Kind::Holding, 7, 1));
     scanner.put(id, 0, 1, &[0x12, 0x34], at(10)).unwrap();
     assert_eq!(scanner.status(id, at(10)), Status::LAST_OK.with(Status::WRITE_MARKED));
     let request = scanner.next(at(10)).unwrap();
@@ -143,10 +139,8 @@ fn a_write_is_marked_then_on_its_way_then_the_last_one() {
 #[test]
 fn an_exception_is_an_error_with_its_code_and_no_reason_to_back_off() {
     for (exception, code) in [(1, 1), (2, 2), (3, 3), (4, 0), (6, 0)] {
-        let (mut scanner, device) = scanner();
-        let id = add(&mut scanner, row(device, Kind::Input, 0, 1));
-        scanner.next(at(0)).unwrap();
-        scanner.answered(device, at(1), Ok(&[0x84, exception]));
+        let (mut scanner, _, id) = scanner_with(|device| row(device, Kind::Input, 0, 1));
+        answered(&mut scanner, at(0), &[0x84, exception]);
         let status = scanner.status(id, at(1));
         assert_eq!(status.bits(), 1 << 2 | code << 12, "{status:?}");
         assert_eq!(scanner.next(at(1)), None, "it is not repeated");
@@ -157,8 +151,7 @@ fn an_exception_is_an_error_with_its_code_and_no_reason_to_back_off() {
 
 #[test]
 fn a_devices_exceptions_are_counted_among_its_answers() {
-    let (mut scanner, device) = scanner();
-    add(&mut scanner, row(device, Kind::Holding, 0, 1));
+    let (mut scanner, device, _) = scanner_with(|device| row(device, Kind::Holding, 0, 1));
     assert!(!scanner.serves(), "the device does");
     for count in 1..=2_u32 {
         let now = at(1_000 * u64::from(count));
@@ -172,8 +165,7 @@ fn a_devices_exceptions_are_counted_among_its_answers() {
 
 #[test]
 fn a_row_without_a_device_is_never_due() {
-    let (mut scanner, device) = scanner();
-    add(&mut scanner, Row { device: None, ..row(device, Kind::Holding, 0, 1) });
+    let (mut scanner, _, _) = scanner_with(|device| Row { device: None, ..row(device, Kind::Holding, 0, 1) });
     assert!(scanner.serves(), "it is for outside clients");
     assert_eq!(scanner.due(), Instant::MAX);
     assert_eq!(scanner.next(at(5_000)), None);
@@ -182,9 +174,7 @@ fn a_row_without_a_device_is_never_due() {
 #[test]
 fn what_a_rule_forbids_is_the_rows_error_and_none_of_the_devices_exceptions() {
     for exception in [1, 2, 3] {
-        let (mut scanner, device) = scanner();
-        let id = add(&mut scanner, row(device, Kind::Holding, 0, 1));
-        while exchange(&mut scanner, at(0)).is_some() {}
+        let (mut scanner, device, id) = polled_with(|device| row(device, Kind::Holding, 0, 1));
         let before = scanner.device_status(device, at(0)).unwrap();
         scanner.put(id, 0, 1, &[0, 1], at(1)).unwrap();
         scanner.next(at(1)).unwrap();
@@ -217,8 +207,7 @@ fn a_check_that_a_rule_forbids_skips_the_poll_and_is_no_silence_of_the_device() 
 
 #[test]
 fn what_a_full_queue_refuses_is_a_missing_way_and_waits_for_the_next_scan() {
-    let (mut scanner, device) = scanner();
-    let id = add(&mut scanner, row(device, Kind::Holding, 0, 1));
+    let (mut scanner, device, id) = scanner_with(|device| row(device, Kind::Holding, 0, 1));
     for nth in 0..20 {
         let now = at(200 * nth);
         scanner.put(id, 0, 1, &[0, 1], now).unwrap();
@@ -240,11 +229,9 @@ fn what_a_full_queue_refuses_is_a_missing_way_and_waits_for_the_next_scan() {
 #[test]
 fn without_an_answer_a_frame_is_repeated_twice_and_the_error_says_why() {
     for (error, code) in [(ErrorCode::Timeout, 5), (ErrorCode::Transmission, 6), (ErrorCode::Connection, 7)] {
-        let (mut scanner, device) = scanner();
-        let id = add(&mut scanner, row(device, Kind::Input, 0, 1));
+        let (mut scanner, device, id) = scanner_with(|device| row(device, Kind::Input, 0, 1));
         for _ in 0..3 {
-            let request = scanner.next(at(0)).unwrap();
-            assert_eq!(request.pdu, [4, 0, 0, 0, 1]);
+            assert_eq!(scanner.next(at(0)).unwrap().pdu, [4, 0, 0, 0, 1]);
             assert!(scanner.status(id, at(0)).any(Status::IN_PROGRESS));
             scanner.answered(device, at(0), Err(error));
         }
@@ -258,7 +245,7 @@ fn without_an_answer_a_frame_is_repeated_twice_and_the_error_says_why() {
 #[test]
 fn what_is_repeated_is_that_frame_whatever_else_is_due_or_written_meanwhile() {
     let (mut scanner, device) = scanner();
-    let multiple = |first, read| super::Row { read, multiple: true, ..row(device, Kind::Holding, first, 1) };
+    let multiple = |first, read| Row { read, multiple: true, ..row(device, Kind::Holding, first, 1) };
     let often = add(&mut scanner, multiple(0, Reading::High));
     let beside = add(&mut scanner, multiple(1, Reading::Normal));
     let apart = add(&mut scanner, row(device, Kind::Holding, 5, 1));
@@ -288,9 +275,7 @@ fn what_is_repeated_is_that_frame_whatever_else_is_due_or_written_meanwhile() {
 
 #[test]
 fn a_check_is_repeated_before_anything_else() {
-    let mut scanner = Scanner::new();
-    scanner.restart(super::START);
-    let device = scanner.add_device(Device { check: true, ..super::device(5) }).unwrap();
+    let (mut scanner, device) = checked_scanner();
     let id = add(&mut scanner, row(device, Kind::Holding, 0, 1));
     for _ in 0..3 {
         assert_eq!(scanner.next(at(0)).unwrap().pdu[0], 8);
@@ -302,12 +287,9 @@ fn a_check_is_repeated_before_anything_else() {
 
 #[test]
 fn a_silent_device_is_tried_after_15_17_to_29_and_then_every_30_seconds() {
-    let (mut scanner, device) = scanner();
-    let id = add(&mut scanner, row(device, Kind::Holding, 0, 1));
+    let (mut scanner, device, id) = scanner_with(|device| row(device, Kind::Holding, 0, 1));
     let mut now = at(0);
-    for _ in 0..3 {
-        assert!(lose(&mut scanner, now).is_some());
-    }
+    lose_all(&mut scanner, now);
     // A write that waits makes every attempt happen as soon as it may.
     scanner.put(id, 0, 1, &[0, 1], now).unwrap();
     for seconds in [15, 17, 19, 21, 23, 25, 27, 29, 30, 30, 30] {
@@ -316,8 +298,7 @@ fn a_silent_device_is_tried_after_15_17_to_29_and_then_every_30_seconds() {
         assert_eq!(scanner.due(), end);
         assert!(scanner.status(id, end - MS).any(Status::BACKING_OFF));
         assert!(scanner.status(id, end - MS).any(Status::WRITE_MARKED), "a write keeps its mark");
-        let request = scanner.next(end).expect("the attempt");
-        assert_eq!(request.pdu, [6, 0, 0, 0, 1], "writes first");
+        assert_eq!(scanner.next(end).expect("the attempt").pdu, [6, 0, 0, 0, 1], "writes first");
         assert!(!scanner.status(id, end).any(Status::BACKING_OFF), "clear during the attempt");
         now = end + 300 * MS;
         scanner.answered(device, now, Err(ErrorCode::Timeout));
@@ -337,11 +318,9 @@ fn a_silent_device_is_tried_after_15_17_to_29_and_then_every_30_seconds() {
 #[test]
 fn a_read_loses_its_mark_and_is_due_again_at_the_first_scan_after_the_pause() {
     let (mut scanner, device) = scanner();
-    let low = add(&mut scanner, super::Row { read: Reading::Low, ..row(device, Kind::Input, 0, 1) });
+    let low = add(&mut scanner, Row { read: Reading::Low, ..row(device, Kind::Input, 0, 1) });
     let now = at(1_130);
-    for _ in 0..3 {
-        assert!(lose(&mut scanner, now).is_some());
-    }
+    lose_all(&mut scanner, now);
     assert!(!scanner.status(low, now).any(Status::READ_MARKED));
     assert_eq!(scanner.read(low, now), Err(Refused::BackingOff(15 * SECOND)));
     // 16.13 s is the end, 16.2 s the next multiple of 200 ms.
@@ -356,7 +335,7 @@ fn a_silent_device_does_not_slow_the_others() {
     let (mut scanner, silent) = scanner();
     let well = scanner.add_device(super::device(6)).unwrap();
     add(&mut scanner, row(silent, Kind::Input, 0, 1));
-    let id = add(&mut scanner, super::Row { read: Reading::High, ..row(well, Kind::Input, 0, 1) });
+    let id = add(&mut scanner, Row { read: Reading::High, ..row(well, Kind::Input, 0, 1) });
     let mut answers = 0;
     // The silent one holds every request for a second.
     let mut open = None;
@@ -380,9 +359,7 @@ fn a_silent_device_does_not_slow_the_others() {
 
 #[test]
 fn a_safe_write_sends_several_cells_in_one_frame_and_keeps_reads_off() {
-    let (mut scanner, device) = scanner();
-    let id = add(&mut scanner, row(device, Kind::Holding, 0, 3));
-    while exchange(&mut scanner, at(0)).is_some() {}
+    let (mut scanner, _, id) = polled_with(|device| row(device, Kind::Holding, 0, 3));
     scanner.begin(id, at(0)).unwrap();
     assert!(scanner.status(id, at(1)).any(Status::WRITE_BLOCKED));
     assert_eq!(scanner.begin(id, at(0)), Err(Refused::Blocked));
@@ -397,9 +374,7 @@ fn a_safe_write_sends_several_cells_in_one_frame_and_keeps_reads_off() {
 
 #[test]
 fn a_safe_write_that_begins_while_a_frame_is_repeated_holds_the_repeat_back() {
-    let (mut scanner, device) = scanner();
-    let id = add(&mut scanner, row(device, Kind::Holding, 0, 2));
-    while exchange(&mut scanner, at(0)).is_some() {}
+    let (mut scanner, device, id) = polled_with(|device| row(device, Kind::Holding, 0, 2));
     scanner.put(id, 0, 1, &[0, 8], at(1)).unwrap();
     scanner.next(at(1)).unwrap();
     scanner.begin(id, at(0)).unwrap();
@@ -412,11 +387,10 @@ fn a_safe_write_that_begins_while_a_frame_is_repeated_holds_the_repeat_back() {
 
 #[test]
 fn what_the_program_has_written_is_not_overwritten_by_a_read_that_was_on_its_way() {
-    let (mut scanner, device) = scanner();
-    let id = add(&mut scanner, row(device, Kind::Holding, 0, 1));
+    let (mut scanner, device, id) = scanner_with(|device| row(device, Kind::Holding, 0, 1));
     let read = scanner.next(at(0)).unwrap();
     scanner.put(id, 0, 1, &[0, 77], at(1)).unwrap();
-    scanner.answered(device, at(2), Ok(&super::answer(&read)));
+    scanner.answered(device, at(2), Ok(&answer(&read)));
     assert_eq!(scanner.input(id), [0, 77]);
     assert_eq!(exchange(&mut scanner, at(2)).unwrap().pdu, [6, 0, 0, 0, 77]);
 }
@@ -424,7 +398,7 @@ fn what_the_program_has_written_is_not_overwritten_by_a_read_that_was_on_its_way
 #[test]
 fn a_row_that_is_written_on_change_is_written_when_its_value_differs_or_could_not_be_written() {
     let (mut scanner, device) = scanner();
-    let on_change = |kind, first| super::Row { write: Writing::OnChange, ..row(device, kind, first, 2) };
+    let on_change = |kind, first| Row { write: Writing::OnChange, ..row(device, kind, first, 2) };
     let id = add(&mut scanner, on_change(Kind::Holding, 0));
     let bits = add(&mut scanner, on_change(Kind::Coil, 8));
     while exchange(&mut scanner, at(0)).is_some() {}
@@ -436,8 +410,7 @@ fn a_row_that_is_written_on_change_is_written_when_its_value_differs_or_could_no
     scanner.put(id, 1, 1, &[0, 9], at(1)).unwrap();
     assert_eq!(scanner.next(at(1)), None, "as it was written");
     scanner.put(id, 1, 1, &[0, 8], at(1)).unwrap();
-    scanner.next(at(1)).unwrap();
-    scanner.answered(device, at(1), Ok(&[0x90, 3]));
+    answered(&mut scanner, at(1), &[0x90, 3]);
     scanner.put(id, 1, 1, &[0, 8], at(1)).unwrap();
     assert!(exchange(&mut scanner, at(1)).is_some(), "the device has not taken it");
     let second = scanner.input(bits)[0] >> 1 & 1;

@@ -1,15 +1,6 @@
 //! A controller chip that is reset under the device: seen at once in every state, and the device is there again at once.
-//!
-//! `MOBGATE_SEED=17 cargo test --test ethercat chip_resets` resets it as seed 17 says alone; `MOBGATE_SEEDS=4000` as so many do.
 
-use embassy_time::{Duration, Instant};
-use ethercat_subdevice::lan9252::InterruptPin;
-use mobgate_simulator::lan9252::Timing;
-use mobgate_simulator::random::each_seed;
-use mobgate_simulator::sub_device::direct;
-use mobgate_simulator::{Lan9252, Random};
-
-use crate::bench::{Bench, ERROR, INIT, MAILBOX_128, OP, PRE_OP, Rig, SAFE_OP, at_most, lan9252_with};
+use crate::prelude::*;
 
 const SEEDS: u64 = 1_000;
 /// From the reset until the application knows.

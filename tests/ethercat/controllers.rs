@@ -2,20 +2,9 @@
 
 use std::process::Command;
 
-use embassy_time::Duration;
-use ethercat_subdevice::device::Device;
-use ethercat_subdevice::lan9252::InterruptPin;
-use ethercat_subdevice::sync_manager::Channel;
-use mobgate::fieldbus::DEVICE;
-use mobgate_simulator::esc::Kind;
-use mobgate_simulator::lan9252::Timing;
-use mobgate_simulator::sub_device::{Counted, direct, exchange_at_pace, spi_traffic};
+use mobgate_simulator::sub_device::{Counted, exchange_at_pace, spi_traffic};
 
-use crate::bench::{
-    Bench, CHOICE, CONTROLLERS, INIT, MAILBOX_128, OP, PRE_OP, Rig, SAFE_OP, Start, at_most, lan9252_with,
-};
-
-static GATEWAY: Device = DEVICE;
+use crate::prelude::*;
 
 #[test]
 fn a_main_device_that_writes_all_eight_sync_managers_leaves_no_event_behind() {

@@ -1,18 +1,16 @@
 //! A real MainDevice on simple devices, whose chips answer state requests by themselves, and what Wireshark makes of it.
 
-use std::cell::RefCell;
 use std::io::Write;
 use std::process::Command;
-use std::rc::Rc;
 
-use embassy_time::{Duration, Instant};
-use mobgate_simulator::World;
 use mobgate_simulator::esc::cable::{Cable, FrameFaults, SharedSegment};
 use mobgate_simulator::esc::master::{Storage, main_device, pump};
 use mobgate_simulator::esc::pcap::Pcap;
-use mobgate_simulator::esc::{Chip, Kind, Segment, now};
+use mobgate_simulator::esc::{Segment, now};
 
 use mobgate_simulator::esc::samples::simple_device;
+
+use crate::prelude::*;
 
 const FRAME: Duration = Duration::from_micros(50);
 const CYCLES: u8 = 100;
@@ -94,11 +92,8 @@ impl Capture {
             assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
             String::from_utf8(output.stdout).unwrap().lines().map(str::to_owned).collect::<Vec<_>>()
         };
-        let decoded = (
-            tshark("frame").len(),
-            tshark("ecat").len(),
-            tshark("_ws.malformed || _ws.expert.severity >= warning"),
-        );
+        let malformed = tshark("_ws.malformed || _ws.expert.severity >= warning");
+        let decoded = (tshark("frame").len(), tshark("ecat").len(), malformed);
         std::fs::remove_file(&path).unwrap();
         decoded
     }

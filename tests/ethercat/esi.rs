@@ -5,19 +5,14 @@ mod schema;
 
 use std::collections::BTreeMap;
 
-use ethercat_description::{esi, sii};
-use ethercat_subdevice::device::Device;
-use mobgate::fieldbus::{DEVICE, LONG_DEVICE, LONG_MODULAR, MODULAR};
-use mobgate::language::apply;
-use mobgate::settings::{Settings, SlaveSettings};
+use mobgate::fieldbus::{LONG_DEVICE, LONG_MODULAR, MODULAR};
+use mobgate::settings::SlaveSettings;
 use mobgate_description::write_esi;
-use roxmltree::{Document, Node};
 
-use crate::bench::{MAILBOX_128, at_most};
+use crate::prelude::*;
 use crate::sdo::category;
 use builder::{build, child, number, text};
 
-static GATEWAY: Device = DEVICE;
 static LONG_GATEWAY: Device = LONG_DEVICE;
 /// The smallest EEPROM that is common.
 const EEPROM_BYTES_MAX: usize = 2_048;
@@ -30,11 +25,7 @@ slave 2 unit 19 coil 32 count 8 read 50ms
 slave 3 unit 20";
 
 fn slaves() -> Vec<SlaveSettings> {
-    let mut settings = Settings::new();
-    for line in SLAVES.lines() {
-        apply(&mut settings, line).unwrap();
-    }
-    settings.slaves.to_vec()
+    settings_of(SLAVES).slaves.to_vec()
 }
 
 /// The gateway's file: its devices, and the modules.
@@ -44,15 +35,9 @@ fn file_of_gateway() -> String {
     file
 }
 
-fn file_of(device: &Device) -> String {
-    let mut file = String::new();
-    esi::write(device, &mut file).unwrap();
-    file
-}
-
 #[test]
 fn statement_58_the_esi_file_follows_the_schema() {
-    for file in [file_of_gateway(), file_of(&MAILBOX_128)] {
+    for file in [file_of_gateway(), esi_of(&MAILBOX_128)] {
         assert_eq!(schema::faults(&Document::parse(&file).unwrap()), [""; 0]);
     }
 }
@@ -85,7 +70,7 @@ fn the_schema_notices_order_missing_and_unknown_elements_and_wrong_content() {
 fn statement_41_each_type_is_declared_once_and_has_the_size_that_is_said_where_it_is_used() {
     let gateway = file_of_gateway();
     for (file, nth) in
-        [(&gateway, 0), (&gateway, 1), (&gateway, 2), (&gateway, 3), (&file_of(&MAILBOX_128), 0)]
+        [(&gateway, 0), (&gateway, 1), (&gateway, 2), (&gateway, 3), (&esi_of(&MAILBOX_128), 0)]
     {
         let document = Document::parse(file).unwrap();
         let document = document.descendants().filter(|node| node.has_tag_name("Device")).nth(nth).unwrap();
@@ -150,7 +135,6 @@ fn the_file_says_how_long_images_may_be_and_where_they_lie() {
     }
 }
 
-/// An image's strings.
 fn strings(image: &[u8]) -> Vec<String> {
     let mut rest = &category(image, 10)[1..];
     let count = category(image, 10)[0];
@@ -196,7 +180,7 @@ fn used(image: &[u8]) -> usize {
 
 #[test]
 fn statement_41_an_eeprom_image_that_others_make_from_the_file_is_the_devices_own() {
-    let (gateway, small) = (file_of_gateway(), file_of(&MAILBOX_128));
+    let (gateway, small) = (file_of_gateway(), esi_of(&MAILBOX_128));
     for (device, file, nth) in [
         (&GATEWAY, &gateway, 0),
         (&LONG_GATEWAY, &gateway, 1),
@@ -204,8 +188,7 @@ fn statement_41_an_eeprom_image_that_others_make_from_the_file_is_the_devices_ow
         (&LONG_MODULAR, &gateway, 3),
         (&MAILBOX_128, &small, 0),
     ] {
-        let mut own = [0; sii::SII_BYTES];
-        sii::write(device, &mut own).unwrap();
+        let own = sii_of(device);
         let built = build(&Document::parse(file).unwrap(), nth);
         // The serial number is each device's own, and no file has it.
         let head = |image: &[u8]| [&image[..0x1c], &image[0x20..0x80]].concat();
@@ -229,8 +212,7 @@ fn statement_58_the_gateways_image_fits_into_2048_bytes_and_255_strings() {
         let built = build(&Document::parse(&file).unwrap(), nth);
         assert!(built.image.len() <= bytes_max, "{} bytes", built.image.len());
         assert!(built.strings.len() <= 255, "{} strings", built.strings.len());
-        let mut own = [0; sii::SII_BYTES];
-        sii::write(device, &mut own).unwrap();
+        let own = sii_of(device);
         assert_eq!(used(&own), built.image.len(), "its own has the same size");
         let name = device.order.replace('-', "_");
         at_most(&format!("sii_bytes_{name}"), built.image.len() as u64, "B", bytes_max as u64);
@@ -242,10 +224,6 @@ fn statement_58_the_gateways_image_fits_into_2048_bytes_and_255_strings() {
 fn modules<'a>(document: &'a Document<'a>) -> Vec<(&'a str, Node<'a, 'a>)> {
     let modules = document.descendants().filter(|node| node.has_tag_name("Module"));
     modules.map(|module| (text(module, "Name"), module)).collect()
-}
-
-fn ident(module: Node<'_, '_>) -> u32 {
-    number(child(module, "Type").unwrap().attribute("ModuleIdent").unwrap())
 }
 
 #[test]
@@ -267,7 +245,8 @@ fn each_slave_of_the_settings_is_a_module_beside_common_ones_with_its_start_up_l
     {
         assert!(names.contains(&common), "{common}");
     }
-    let mut idents: Vec<_> = modules.iter().map(|(_, module)| ident(*module)).collect();
+    let types = modules.iter().map(|(_, module)| child(*module, "Type").unwrap());
+    let mut idents: Vec<_> = types.map(|found| number(found.attribute("ModuleIdent").unwrap())).collect();
     let variants = [1, 2].map(|at| idents[at]);
     assert_eq!((variants[0] & 0xff, variants[1]), (0, variants[0] + 1), "of one form");
     idents.sort_unstable();

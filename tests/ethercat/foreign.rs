@@ -8,23 +8,17 @@ mod in_process;
 
 use std::process::Child;
 
-use embassy_futures::select::{Either, select};
-use embedded_hal_async::digital::Wait;
 use ethercat_subdevice::catalogue::Catalogue;
-use ethercat_subdevice::device::Device;
-use ethercat_subdevice::object::{Access, DataType, Object};
-use ethercat_subdevice::sub_device::SubDevice;
-use mobgate::fieldbus::{DEVICE, GatewayObjects, MODULAR};
+use ethercat_subdevice::object::Access;
+use mobgate::fieldbus::MODULAR;
 use mobgate_simulator::esc::packet::{PacketSocket, serve, serve_ring};
 use mobgate_simulator::own_network::{
     SECOND_MASTER_END, SECOND_SEGMENT_END, SEGMENT_END, in_own_network, lay_second_cable, start_master_with,
 };
-use mobgate_simulator::sub_device::{direct, line_of};
 
-use crate::bench::{gateway_objects, place_with};
 use crate::outside::ends_well;
+use crate::prelude::*;
 
-static GATEWAY: Device = DEVICE;
 static WITH_MODULES: Device = MODULAR;
 /// A device of each type, and an empty slot between.
 const MODULES: &str = "port ecat ethercat modules

@@ -1,32 +1,21 @@
 //! Conformance: SDO information, and that everything that describes the device says the same (statements 38 to 41).
 
-use ethercat_description::{esi, sii};
-use ethercat_subdevice::device::Device;
-use ethercat_subdevice::object::{Access, DataType, Entry, Object};
-use mobgate::fieldbus::DEVICE;
-use mobgate_simulator::Random;
-use roxmltree::{Document, Node};
+use ethercat_subdevice::object::{Access, Entry};
 
-use crate::bench::{
-    Bench, MAILBOX_34, MAILBOX_64, MAILBOX_128, OP, PRE_OP, Rig, SAFE_OP, at_most, gateway_objects,
-};
 use crate::esi::builder::{child, number, text};
+use crate::prelude::*;
 use crate::sdo::category;
-
-static GATEWAY: Device = DEVICE;
 
 const INPUT: Access = Access::READ.and(Access::TX_PDO);
 const OUTPUT: Access = Access::READ.and(Access::RX_PDO);
 
 /// Asks, and puts the fragments of the response together; or the abort code.
-pub(crate) fn ask<A: ethercat_subdevice::application::Application + 'static>(
+pub(crate) fn ask<A: Application + 'static>(
     rig: &mut Rig<A>,
     operation: u8,
     data: &[u8],
 ) -> Result<Vec<u8>, u32> {
-    let mut request = vec![0, 0x80, operation, 0, 0, 0];
-    request.extend(data);
-    assert_eq!(rig.send(&request), 1);
+    assert_eq!(rig.send(&[&[0, 0x80, operation, 0, 0, 0], data].concat()), 1);
     let mut answer = Vec::new();
     let mut left_before = None;
     loop {
@@ -53,10 +42,7 @@ fn words(bytes: &[u8]) -> Vec<u16> {
 }
 
 /// The objects of one of the lists.
-pub(crate) fn list<A: ethercat_subdevice::application::Application + 'static>(
-    rig: &mut Rig<A>,
-    number: u16,
-) -> Vec<u16> {
+pub(crate) fn list<A: Application + 'static>(rig: &mut Rig<A>, number: u16) -> Vec<u16> {
     let answer = words(&ask(rig, 1, &number.to_le_bytes()).unwrap());
     assert_eq!(answer[0], number, "the first word repeats which list it is");
     answer[1..].to_vec()
@@ -187,8 +173,7 @@ fn find<'a>(document: &'a Document<'a>, name: &'a str) -> impl Iterator<Item = N
 
 /// The PDOs of the file: index, SyncManager, mapped entries as the objects have them.
 fn pdos_of_file(document: &Document<'_>, name: &str) -> Vec<(u16, u8, Vec<u32>)> {
-    let pdos = document.descendants().filter(|node| node.has_tag_name(name));
-    pdos.map(|pdo| {
+    let pdo = |pdo: Node<'_, '_>| {
         let entries = pdo.children().filter(|child| child.has_tag_name("Entry"));
         let mapped = entries.map(|entry| {
             let field = |name| number(text(entry, name));
@@ -196,8 +181,8 @@ fn pdos_of_file(document: &Document<'_>, name: &str) -> Vec<(u16, u8, Vec<u32>)>
         });
         let sync_manager = pdo.attribute("Sm").map_or(0xff, |number| number.parse().unwrap());
         (number(text(pdo, "Index")) as u16, sync_manager, mapped.collect())
-    })
-    .collect()
+    };
+    find(document, name).map(pdo).collect()
 }
 
 /// The same of the EEPROM.
@@ -218,24 +203,16 @@ fn pdos_of_image(mut category: &[u8]) -> Vec<(u16, u8, Vec<u32>)> {
 
 #[test]
 fn statement_41_eeprom_esi_file_and_dictionary_say_the_same() {
-    let mut image = [0; sii::SII_BYTES];
-    sii::write(&GATEWAY, &mut image).unwrap();
-    let mut file = String::new();
-    esi::write(&GATEWAY, &mut file).unwrap();
+    let (image, file) = (sii_of(&GATEWAY), esi_of(&GATEWAY));
     let document = Document::parse(&file).unwrap();
-    let mut rig = Rig::with_application(&GATEWAY, gateway_objects());
-    rig.bring_to(PRE_OP);
+    let mut rig = gateway_in(PRE_OP);
 
     for (name, number) in [("TxPdo", 50), ("RxPdo", 51)] {
         let pdos = pdos_of_file(&document, name);
         assert_eq!(pdos, pdos_of_image(category(&image, number)));
         for (index, _, mapped) in pdos {
-            let uploaded = rig.upload_complete(index, 1).unwrap();
-            assert_eq!(
-                uploaded,
-                mapped.into_iter().flat_map(u32::to_le_bytes).collect::<Vec<_>>(),
-                "{index:x}"
-            );
+            let mapped: Vec<u8> = mapped.into_iter().flat_map(u32::to_le_bytes).collect();
+            assert_eq!(rig.upload_complete(index, 1), Ok(mapped), "{index:x}");
         }
     }
     let sync_managers = category(&image, 41).as_chunks::<8>().0;
@@ -250,11 +227,9 @@ fn statement_41_eeprom_esi_file_and_dictionary_say_the_same() {
 
 #[test]
 fn statement_41_the_files_objects_are_those_of_sdo_information() {
-    let mut file = String::new();
-    esi::write(&GATEWAY, &mut file).unwrap();
+    let file = esi_of(&GATEWAY);
     let document = Document::parse(&file).unwrap();
-    let mut rig = Rig::with_application(&GATEWAY, gateway_objects());
-    rig.bring_to(PRE_OP);
+    let mut rig = gateway_in(PRE_OP);
     let types: std::collections::HashMap<_, _> = find(&document, "DataTypes")
         .flat_map(|types| types.children().filter(Node::is_element))
         .map(|node| (text(node, "Name"), number(text(node, "BitSize"))))
@@ -276,32 +251,23 @@ fn statement_41_the_files_objects_are_those_of_sdo_information() {
         // The size of a complete access from sub-index 0 on is the size of the object's type, as long as the list is full.
         let sized = if description[5] == 7 { rig.upload(index, 0) } else { rig.upload_complete(index, 0) };
         let bits = 8 * sized.unwrap().len() as u32;
-        let is_list = matches!(index, 0x1c12 | 0x1c13);
-        assert!(if is_list {
-            bits < types[text(object, "Type")]
-        } else {
-            bits == types[text(object, "Type")]
-        });
+        let (is_list, full) = (matches!(index, 0x1c12 | 0x1c13), types[text(object, "Type")]);
+        assert!(if is_list { bits < full } else { bits == full }, "{index:x}: {bits} of {full}");
     }
 }
 
 #[test]
 fn statement_41_defaults_in_the_file_are_what_is_read_after_power_on() {
-    let mut file = String::new();
-    esi::write(&GATEWAY, &mut file).unwrap();
+    let file = esi_of(&GATEWAY);
     let document = Document::parse(&file).unwrap();
-    let mut rig = Rig::with_application(&GATEWAY, gateway_objects());
-    rig.bring_to(PRE_OP);
+    let mut rig = gateway_in(PRE_OP);
     let mut compared = 0;
     for object in find(&document, "Object") {
         let index = number(text(object, "Index")) as u16;
         let info = child(object, "Info").unwrap();
         let items: Vec<_> = info.children().filter(|node| node.has_tag_name("SubItem")).collect();
-        let infos = if items.is_empty() {
-            vec![info]
-        } else {
-            items.iter().map(|item| child(*item, "Info").unwrap()).collect()
-        };
+        let of_items = items.iter().map(|item| child(*item, "Info").unwrap());
+        let infos: Vec<_> = if items.is_empty() { vec![info] } else { of_items.collect() };
         let table = GATEWAY.object(index).unwrap();
         // In their order, without the sub-indices that are left out.
         let subs = (0..=table.sub_max()).filter(|sub| table.entry(*sub).is_some());
@@ -348,8 +314,7 @@ fn any_message_is_survived() {
 
 #[test]
 fn the_files_names_count_from_0_as_physical_addresses_do() {
-    let mut file = String::new();
-    esi::write(&GATEWAY, &mut file).unwrap();
+    let file = esi_of(&GATEWAY);
     let document = Document::parse(&file).unwrap();
     let names = |kind, index, name| -> Vec<String> {
         let pdo = find(&document, kind).find(|pdo| number(text(*pdo, "Index")) == index).unwrap();

@@ -1,14 +1,11 @@
 //! The LAN9252 driver at a chip that works: what is read and written, what it costs, and that the chip is never misused.
 
-use embassy_futures::select::{Either, select};
-use embassy_time::{Instant, Timer};
-use embedded_hal_async::digital::Wait;
-use ethercat_subdevice::esc::{Esc, EscError, read_agreed};
-use ethercat_subdevice::lan9252::{InterruptPin, Lan9252 as Driver, Wiring};
-use mobgate_simulator::esc::Command;
-use mobgate_simulator::lan9252::{Timing, Traffic};
+use ethercat_subdevice::esc::{EscError, read_agreed};
+use ethercat_subdevice::lan9252::Lan9252 as Driver;
+use mobgate_simulator::lan9252::Traffic;
 
 use crate::lan9252_bench::{with_driver, with_started};
+use crate::prelude::*;
 use mobgate_simulator::esc::samples::{INPUTS, OUT_BOX, OUTPUTS};
 
 const USER: u16 = 0x0F80;

@@ -1,15 +1,12 @@
 //! A driver at a simulated LAN9252, with a segment in front of it.
 
-use std::cell::RefCell;
-use std::rc::Rc;
-
-use ethercat_subdevice::esc::Esc;
-use ethercat_subdevice::lan9252::{Lan9252 as Driver, Wiring};
+use ethercat_subdevice::lan9252::Lan9252 as Driver;
 use mobgate_simulator::esc::SharedSegment;
-use mobgate_simulator::lan9252::{Spi, Timing};
-use mobgate_simulator::{Lan9252, World};
+use mobgate_simulator::lan9252::Spi;
 
 use mobgate_simulator::esc::samples::line;
+
+use crate::prelude::*;
 
 /// Runs `scenario` in a world of its own; afterwards the driver must have done nothing wrong.
 pub(crate) fn with_driver<F: AsyncFnOnce(&mut Driver<Spi>, &Bench)>(timing: Timing, scenario: F) {

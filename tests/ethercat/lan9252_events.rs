@@ -1,17 +1,11 @@
 //! Events through the whole path, frame to interrupt pin to driver: none is missed, whatever the pace.
 
-use std::cell::RefCell;
-
-use embassy_futures::select::{Either, select};
-use embassy_time::{Duration, Timer};
-use embedded_hal_async::digital::Wait;
-use ethercat_subdevice::esc::Esc;
 use ethercat_subdevice::lan9252::Lan9252 as Driver;
-use mobgate_simulator::Random;
-use mobgate_simulator::esc::{Command, Interrupt};
-use mobgate_simulator::lan9252::{Spi, Timing};
+use mobgate_simulator::esc::Interrupt;
+use mobgate_simulator::lan9252::Spi;
 
 use crate::lan9252_bench::{Bench, with_started};
+use crate::prelude::*;
 use mobgate_simulator::esc::samples::{IN_BOX, INPUTS, OUT_BOX, OUTPUTS};
 
 const MAILBOX: u32 = 1 << 8;
@@ -49,11 +43,8 @@ async fn main_device(bench: &Bench, cycle: Duration, cycles: u32, random: &mut R
             let segment = &mut bench.segment.borrow_mut();
             segment.send_logical(Command::Lwr, 0, &[number as u8; 120]);
             if segment.fetch(0, 0x080D, 1).unwrap()[0] & FULL != 0 {
-                assert_eq!(
-                    segment.fetch(0, IN_BOX, 128),
-                    Some(vec![sent; 128]),
-                    "the answer to the last message"
-                );
+                let answer = segment.fetch(0, IN_BOX, 128);
+                assert_eq!(answer, Some(vec![sent; 128]), "the answer to the last message");
                 waited = 0;
             }
             if waited == 0 {
@@ -87,10 +78,8 @@ fn statement_45_no_event_and_no_mailbox_is_lost_at_any_cycle_time() {
             };
             let seen = seen.into_inner();
             assert_eq!((seen.first(), seen.last()), (Some(&1), Some(&sent)));
-            assert!(
-                seen.windows(2).all(|pair| pair[1] == pair[0].wrapping_add(1)),
-                "each message once, in order"
-            );
+            let in_order = seen.windows(2).all(|pair| pair[1] == pair[0].wrapping_add(1));
+            assert!(in_order, "each message once, in order");
         });
     }
 }

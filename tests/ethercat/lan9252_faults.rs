@@ -1,13 +1,12 @@
 //! The LAN9252 driver at a chip that does not work as it should: it reports, stays bounded, and comes back.
 
-use embassy_time::{Duration, Instant, Timer};
-use ethercat_subdevice::esc::{Esc, EscError, read_agreed};
+use ethercat_subdevice::esc::{EscError, read_agreed};
 use ethercat_subdevice::lan9252::{Incidents, Lan9252 as Driver};
-use mobgate_simulator::Random;
-use mobgate_simulator::esc::{Command, now};
-use mobgate_simulator::lan9252::{Spi, SpiFaults, Timing};
+use mobgate_simulator::esc::now;
+use mobgate_simulator::lan9252::{Spi, SpiFaults};
 
 use crate::lan9252_bench::{Bench, with_driver, with_started};
+use crate::prelude::*;
 use mobgate_simulator::esc::samples::{INPUTS, OUTPUTS};
 
 const USER: u16 = 0x0F80;

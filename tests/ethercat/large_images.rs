@@ -1,19 +1,14 @@
 //! Images as long as the controller's memory holds them three times, and those that it does not hold.
 
-use std::rc::Rc;
-
-use embassy_time::Duration;
-use ethercat_subdevice::al_state::AlState;
-use ethercat_subdevice::device::{Device, Identity};
-use ethercat_subdevice::object::{DataType, Entry, Mapped, Object};
+use ethercat_subdevice::device::Identity;
+use ethercat_subdevice::object::{Entry, Mapped};
 use ethercat_subdevice::standard;
-use ethercat_subdevice::sub_device::SubDevice;
 use ethercat_subdevice::sync_manager::MemoryPlan;
-use mobgate_simulator::World;
 use mobgate_simulator::esc::bench::{PRE_OP, Rig, Start};
 use mobgate_simulator::esc::main_device::{MainDevice, Refusal};
-use mobgate_simulator::esc::{Chip, Kind};
-use mobgate_simulator::sub_device::{SharedEcho, direct, exchange_images_on, spawn};
+use mobgate_simulator::sub_device::exchange_images_on;
+
+use crate::prelude::*;
 
 const CYCLES: u64 = 10_000;
 /// The most that the processor pauses between two accesses.

@@ -1,31 +1,14 @@
 //! Answers that get lost while process data go on: they come again, and neither they nor the outputs are taken for something else.
 
-use embassy_time::Duration;
-use ethercat_subdevice::sync_manager::Channel;
-use mobgate_simulator::Random;
-use mobgate_simulator::sub_device::{Paced, SharedEcho, direct, image, sequence};
+use mobgate_simulator::sub_device::sequence;
 
-use crate::bench::{MAILBOX_128, OP, Rig, SAFE_OP};
+use crate::prelude::*;
 
 /// Status and activation of the mailbox from the device, as SOEM writes them at once.
 const STATUS: u16 = 0x080d;
 /// Long enough for a processor with pauses to do all that there is.
 const SLOW: Duration = Duration::from_millis(3);
 const AT_ONCE: Duration = Duration::from_micros(0);
-
-/// A device in Op whose processor pauses for up to 20 us before each access.
-fn slow_device(seed: u64) -> (Rig<SharedEcho>, SharedEcho) {
-    let echo = SharedEcho::default();
-    let reach = |chip| {
-        let (esc, interrupt) = direct(chip);
-        (Paced::new(esc, Random::new(seed), 0..=20), interrupt)
-    };
-    let mut rig = Rig::reached_by(&MAILBOX_128, echo.clone(), SLOW, reach);
-    rig.bring_to(SAFE_OP);
-    rig.exchange(&image(1, 120));
-    assert_eq!(rig.request(OP), (OP, 0));
-    (rig, echo)
-}
 
 /// An upload of 1018h, and its response without header and counter.
 fn request(sub: u8) -> [u8; 10] {
@@ -35,7 +18,7 @@ fn request(sub: u8) -> [u8; 10] {
 #[test]
 fn a_repetition_that_is_asked_for_while_outputs_come_is_neither_lost_nor_hides_the_next_answer() {
     for after_us in (0..200).step_by(2) {
-        let (mut rig, _) = slow_device(after_us);
+        let (mut rig, _) = slow_device(after_us, 20, SLOW);
         rig.send(&request(1));
         rig.pause = AT_ONCE;
         let lost = rig.receive().unwrap();
@@ -55,7 +38,7 @@ fn a_repetition_that_is_asked_for_while_outputs_come_is_neither_lost_nor_hides_t
 #[test]
 fn outputs_are_taken_though_a_repetition_is_asked_for_twice_in_the_same_words() {
     for after_us in (0..200).step_by(2) {
-        let (mut rig, echo) = slow_device(after_us);
+        let (mut rig, echo) = slow_device(after_us, 20, SLOW);
         rig.send(&request(1));
         let lost = rig.receive().unwrap();
         rig.write(STATUS, &[0, 3]);
@@ -73,7 +56,7 @@ fn outputs_are_taken_though_a_repetition_is_asked_for_twice_in_the_same_words() 
 #[test]
 fn with_lost_answers_and_repetitions_no_outputs_are_stale() {
     for seed in 0..14 {
-        let (mut rig, echo) = slow_device(seed);
+        let (mut rig, echo) = slow_device(seed, 20, SLOW);
         let mut random = Random::new(seed);
         let mut repeat = false;
         for number in 2..300 {

@@ -1,17 +1,6 @@
 //! A MainDevice that writes anything anywhere: nothing of it stops the device, or keeps a MainDevice that means it from Op.
-//!
-//! `MOBGATE_SEED=17 cargo test --test ethercat mad_writes` lives through the world of seed 17 alone; `MOBGATE_SEEDS=4000` so many.
 
-use ethercat_subdevice::lan9252::InterruptPin;
-use mobgate_simulator::Random;
-use mobgate_simulator::esc::Kind;
-use mobgate_simulator::lan9252::Timing;
-use mobgate_simulator::random::each_seed;
-use mobgate_simulator::sub_device::direct;
-
-use embassy_time::Duration;
-
-use crate::bench::{Bench, ERROR, INIT, MAILBOX_128, OP, PRE_OP, Rig, SAFE_OP, Start, lan9252_with};
+use crate::prelude::*;
 
 /// Worlds, and rounds of each.
 const WORLDS: u64 = 50;

@@ -1,8 +1,6 @@
 //! Conformance: the mailbox (statements 21 to 28).
 
-use ethercat_subdevice::sync_manager::Channel;
-
-use crate::bench::{Bench, INIT, MAILBOX_128, OP, PRE_OP, Rig};
+use crate::prelude::*;
 
 /// An upload request for 1000h, device type.
 const UPLOAD: [u8; 10] = [0, 0x20, 0x40, 0x00, 0x10, 0, 0, 0, 0, 0];
@@ -15,10 +13,8 @@ fn rig() -> Rig<Bench> {
 /// The mark in an error reply.
 fn error(message: Option<Vec<u8>>) -> u8 {
     let message = message.expect("an error is answered");
-    assert_eq!(
-        (message[..5].to_vec(), message[5] & 0x0f, &message[6..8]),
-        (vec![4, 0, 0, 0, 0], 0, &[1, 0][..])
-    );
+    let head = (message[..5].to_vec(), message[5] & 0x0f, &message[6..8]);
+    assert_eq!(head, (vec![4, 0, 0, 0, 0], 0, &[1, 0][..]));
     message[8]
 }
 
@@ -67,25 +63,23 @@ fn statement_23_counter_0_is_always_served_and_answers_count_1_to_7() {
 #[test]
 fn statement_24_what_is_malformed_is_answered_by_its_error() {
     let mut rig = rig();
+    let mut error_of = |protocol, payload: &[u8]| {
+        rig.send_counted(protocol, 0, payload);
+        error(rig.receive())
+    };
     for protocol in [1, 2, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15] {
-        rig.send_counted(protocol, 0, &UPLOAD);
-        assert_eq!(error(rig.receive()), 2, "protocol {protocol}");
+        assert_eq!(error_of(protocol, &UPLOAD), 2, "protocol {protocol}");
     }
-    rig.send_counted(0, 0, &UPLOAD);
-    assert_eq!(error(rig.receive()), 5, "an error reply is no request");
-    rig.send_counted(COE, 0, &[]);
-    assert_eq!(error(rig.receive()), 5, "nothing in it");
+    assert_eq!(error_of(0, &UPLOAD), 5, "an error reply is no request");
+    assert_eq!(error_of(COE, &[]), 5, "nothing in it");
     for length in 1..10 {
-        rig.send_counted(COE, 0, &UPLOAD[..length]);
-        assert_eq!(error(rig.receive()), 6, "{length} bytes are too few for an SDO");
+        assert_eq!(error_of(COE, &UPLOAD[..length]), 6, "{length} bytes are too few for an SDO");
     }
     for (payload, expected) in [(&[0, 0x80, 1, 0, 0, 0, 1][..], 6), (&[0, 0x80, 5, 0, 0, 0, 0, 0x10, 0], 6)] {
-        rig.send_counted(COE, 0, payload);
-        assert_eq!(error(rig.receive()), expected, "too few for SDO information");
+        assert_eq!(error_of(COE, payload), expected, "too few for SDO information");
     }
     for service in [0, 1, 3, 4, 5, 6, 7, 9, 15] {
-        rig.send_counted(COE, 0, &[0, service << 4, 0, 0, 0, 0, 0, 0, 0, 0]);
-        assert_eq!(error(rig.receive()), 4, "service {service}");
+        assert_eq!(error_of(COE, &[0, service << 4, 0, 0, 0, 0, 0, 0, 0, 0]), 4, "service {service}");
     }
     let mut too_long = [0; 128];
     too_long[..6].copy_from_slice(&[123, 0, 0, 0, 0, COE]);
@@ -117,8 +111,7 @@ fn statement_25_an_unread_answer_comes_behind_the_repeated_one() {
     rig.send(&[0, 0x20, 0x40, 0x18, 0x10, 1, 0, 0, 0, 0]);
     assert!(repeat(&mut rig, true));
     assert_eq!(rig.receive(), Some(first));
-    let second = rig.receive().unwrap();
-    assert_eq!(second[12..16], 0x1234_5678u32.to_le_bytes());
+    assert_eq!(rig.receive().unwrap()[12..16], 0x1234_5678u32.to_le_bytes());
     assert_eq!(rig.receive(), None);
 }
 

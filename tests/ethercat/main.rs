@@ -23,6 +23,7 @@ mod mailbox;
 mod masters;
 mod outside;
 mod own_objects;
+mod prelude;
 mod process_data;
 mod pysoem;
 mod sdo;

@@ -1,31 +1,12 @@
 //! A real MainDevice on the gateway's description: ethercrab, in process and in virtual time.
 
-use embassy_time::Timer;
-use ethercat_subdevice::application::Application;
-use ethercat_subdevice::device::Device;
-use ethercat_subdevice::lan9252::{Lan9252 as Driver, Wiring};
-use ethercat_subdevice::sub_device::SubDevice;
-use ethercrab::error::{CoeAbortCode, Error, MailboxError};
-use mobgate::fieldbus::DEVICE;
-use mobgate_simulator::lan9252::{Timing, over_spi};
-use mobgate_simulator::sub_device::{
-    Dispatcher, SharedEcho, cable, direct, exchange_images, line_of, spawn, start_up, with_master,
-};
-use mobgate_simulator::{Lan9252, World};
+use ethercat_subdevice::lan9252::Lan9252 as Driver;
+use ethercrab::error::CoeAbortCode;
+use mobgate_simulator::lan9252::over_spi;
+use mobgate_simulator::sub_device::{exchange_images, start_up};
 
-use crate::bench::gateway_objects;
 use crate::esc_masters::Capture;
-
-static GATEWAY: Device = DEVICE;
-
-/// The gateway's SubDevice with this application, and a MainDevice that does as `script` says.
-fn with_gateway(application: impl Application, script: impl AsyncFnOnce(Dispatcher<'_>)) {
-    let mut world = World::new(1);
-    let line = line_of(&GATEWAY);
-    let (esc, interrupt) = direct(line.borrow().chip(0));
-    spawn(&world, SubDevice::new(&GATEWAY, esc, application), interrupt);
-    with_master(&mut world, cable(line), script);
-}
+use crate::prelude::*;
 
 #[test]
 fn ethercrab_brings_the_gateway_to_op_with_its_default_mapping() {
@@ -61,7 +42,7 @@ fn ethercrab_exchanges_120_bytes_each_way_without_a_lost_or_torn_image() {
 
 #[test]
 fn ethercrab_reads_and_writes_objects() {
-    with_gateway(gateway_objects(), async |dispatcher| {
+    with_ethercrab(&GATEWAY, gateway_objects(), async |dispatcher| {
         let group = dispatcher.to_pre_op().await.unwrap();
         let device = group.subdevice(dispatcher.master, 0).unwrap();
         assert_eq!(device.name(), "mobgate");
@@ -72,14 +53,13 @@ fn ethercrab_reads_and_writes_objects() {
         device.sdo_write(0x2001, 1, 17u16).await.unwrap();
         assert_eq!(device.sdo_read::<u16>(0x2001, 1).await.unwrap(), 17);
         let refused = device.sdo_write(0x2001, 1, 248u16).await;
-        let Err(Error::Mailbox(MailboxError::Aborted { code, .. })) = refused else { panic!("{refused:?}") };
-        assert_eq!(u32::from(code), u32::from(CoeAbortCode::ValueTooLarge));
+        assert_eq!(abort_code(refused), Some(CoeAbortCode::ValueTooLarge.into()));
     });
 }
 
 #[test]
 fn ethercrab_goes_up_and_down_many_times() {
-    with_gateway(SharedEcho::default(), async |dispatcher| {
+    with_ethercrab(&GATEWAY, SharedEcho::default(), async |dispatcher| {
         for number in 1..20 {
             let group = dispatcher.to_pre_op().await.unwrap();
             let group = dispatcher.to_op(group, 10 * number).await.unwrap();

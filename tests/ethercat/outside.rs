@@ -1,15 +1,14 @@
 //! MainDevices in other programs, which reach the simulated segment over a pair of virtual network interfaces.
 
-use std::cell::RefCell;
 use std::process::Child;
-use std::rc::Rc;
 
-use embassy_time::Timer;
+use mobgate_simulator::esc::Segment;
 use mobgate_simulator::esc::packet::{PacketSocket, serve};
-use mobgate_simulator::esc::{Chip, Kind, Segment};
 use mobgate_simulator::own_network::{SEGMENT_END, in_own_network, start_master};
 
 use mobgate_simulator::esc::samples::simple_device;
+
+use crate::prelude::*;
 
 /// Waits until `program` has ended, and sees to it that it ended well.
 pub(crate) async fn ends_well(program: &mut Child) {

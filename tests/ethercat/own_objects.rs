@@ -1,19 +1,13 @@
 //! Objects that an application has beside the device's table, as a modular device does (ETG.5001): they are read, described, listed and
 //! mapped as those of the table are, and change with what is written.
 
-use ethercat_subdevice::application::{Address, Application};
+use ethercat_subdevice::application::Address;
 use ethercat_subdevice::assignment::Assignment;
-use ethercat_subdevice::coe::abort::Abort;
-use ethercat_subdevice::device::Device;
-use ethercat_subdevice::object::{
-    Access, DataType, Entries, Entry, Mapped, Object, PdoRules, RUNS_MAX, Runs,
-};
+use ethercat_subdevice::object::{Access, Entries, Entry, Mapped, PdoRules, RUNS_MAX, Runs};
 use ethercat_subdevice::standard;
-use ethercat_subdevice::sync_manager::Channel;
-use mobgate_simulator::esc::Command;
 
-use crate::bench::{LOGICAL, MAILBOX_34, MAILBOX_128, OP, PRE_OP, Rig, SAFE_OP};
 use crate::information::{ask, list};
+use crate::prelude::*;
 
 /// How many modules there are; what the table has of them.
 const MODULES: Object = Object::variable(
@@ -80,18 +74,14 @@ impl Application for Modular {
         let nth = if index < 0x6000 { index & 0xf } else { index >> 4 & 0xf };
         let run = |index, count, bits| Mapped { index, sub: 1, count, bits };
         let padding = Mapped { index: 0, sub: 0, count: 1, bits: 5 };
-        let pdo = |runs| Entries::Mapping(runs, PdoRules::NONE);
+        let pdo = |runs: &[Mapped]| {
+            let runs = runs.iter().fold(Runs::NONE, |runs, run| runs.and(*run).unwrap());
+            Entries::Mapping(runs, PdoRules::NONE)
+        };
+        let [switches, heat] = [run(0x6000 + 0x10 * nth, SWITCHES, 1), run(0x6001 + 0x10 * nth, 1, 32)];
         let (name, entries) = match index {
-            0x1600..=0x1603 => ("Outputs", pdo(Runs::NONE.and(run(0x7000 + 0x10 * nth, 1, 16)).unwrap())),
-            0x1a00..=0x1a03 => {
-                let switches = run(0x6000 + 0x10 * nth, SWITCHES, 1);
-                (
-                    "Inputs",
-                    pdo([switches, padding, run(0x6001 + 0x10 * nth, 1, 32)]
-                        .into_iter()
-                        .fold(Runs::NONE, |runs, run| runs.and(run).unwrap())),
-                )
-            }
+            0x1600..=0x1603 => ("Outputs", pdo(&[run(0x7000 + 0x10 * nth, 1, 16)])),
+            0x1a00..=0x1a03 => ("Inputs", pdo(&[switches, padding, heat])),
             0x6000..=0x603f if index & 0xf == 0 => ("Switches", Entries::Array(SWITCHES, SWITCH)),
             0x6000..=0x603f if index & 0xf == 1 => ("Heat", Entries::Array(1, HEAT)),
             0x7000..=0x703f if index & 0xf == 0 => ("Lamps", Entries::Array(1, LAMP)),
@@ -205,11 +195,8 @@ fn bits_are_packed_in_a_complete_access() {
     let packed = rig.upload_complete(0x6000, 1).unwrap();
     let bits: Vec<_> = (0..16).map(|nth| packed[nth / 8] >> (nth % 8) & 1).collect();
     assert_eq!((packed.len(), &bits[..11], &bits[11..]), (2, &single[..], &[0; 5][..]));
-    assert_eq!(
-        rig.upload_complete(0x6000, 0),
-        Ok([&[SWITCHES, 0][..], &packed].concat()),
-        "with the count in front"
-    );
+    let with_count = Ok([&[SWITCHES, 0][..], &packed].concat());
+    assert_eq!(rig.upload_complete(0x6000, 0), with_count, "with the count in front");
 }
 
 #[test]
@@ -251,11 +238,8 @@ fn process_data_are_handed_out_module_by_module() {
     assert_eq!(rig.request(OP), (OP, 0));
     exchange(&mut rig, [-42, 1337]);
     assert_eq!(rig.application().numbers, [-42, 1337, 0, 0]);
-    assert_eq!(
-        rig.download(0x2000, 0, &[3]),
-        Err(0x0800_0022),
-        "modules stay as long as there are process data"
-    );
+    let refused = rig.download(0x2000, 0, &[3]);
+    assert_eq!(refused, Err(0x0800_0022), "modules stay as long as there are process data");
 }
 
 #[test]

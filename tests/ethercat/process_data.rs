@@ -2,40 +2,18 @@
 
 use std::ops::RangeInclusive;
 
-use embassy_time::Duration;
-use ethercat_subdevice::device::Device;
-use ethercat_subdevice::sync_manager::Channel;
-use mobgate::fieldbus::DEVICE;
-use mobgate_simulator::Random;
-use mobgate_simulator::esc::Command;
-use mobgate_simulator::sub_device::{Echo, Paced, SharedEcho, direct, image, sequence};
+use mobgate_simulator::sub_device::{Echo, sequence};
 
-use crate::bench::{ERROR, INIT, LOGICAL, MAILBOX_128, OP, PRE_OP, Rig, SAFE_OP, gateway_objects};
-
-static GATEWAY: Device = DEVICE;
+use crate::prelude::*;
 
 /// Images in statement 42; `cargo xtask bench ethercat` exchanges ten times as many.
 const IMAGES: u64 = 10_000;
 /// Enough for a processor that works in pieces to answer.
 const SLOW: Duration = Duration::from_millis(3);
 
-/// A device in Op whose processor works in pieces of random length with random pauses up to `pause_us` between them.
-fn slow_device(pause_us: u64) -> (Rig<SharedEcho>, SharedEcho) {
-    let echo = SharedEcho::default();
-    let reach = |chip| {
-        let (esc, interrupt) = direct(chip);
-        (Paced::new(esc, Random::new(pause_us), 0..=pause_us), interrupt)
-    };
-    let mut rig = Rig::reached_by(&MAILBOX_128, echo.clone(), SLOW, reach);
-    rig.bring_to(SAFE_OP);
-    rig.exchange(&image(1, 120));
-    assert_eq!(rig.request(OP), (OP, 0));
-    (rig, echo)
-}
-
 /// Exchanges images at cycles drawn from `cycle_us`; how the application fared.
 fn exchange(images: u64, cycle_us: RangeInclusive<u64>, pause_us: u64) -> Echo {
-    let (mut rig, echo) = slow_device(pause_us);
+    let (mut rig, echo) = slow_device(pause_us, pause_us, SLOW);
     let mut random = Random::new(images);
     let mut last = 0;
     for number in 2..images + 2 {
@@ -68,7 +46,7 @@ fn statement_42_images_that_come_too_fast_are_left_out_but_never_torn() {
 fn statement_42_outputs_are_not_taken_that_were_read_while_their_sync_manager_was_switched_off() {
     let mut thrown_away = 0;
     for after_us in (0..200).step_by(4) {
-        let (mut rig, echo) = slow_device(20);
+        let (mut rig, echo) = slow_device(20, 20, SLOW);
         rig.pause = Duration::from_micros(after_us);
         rig.exchange(&image(2, 120));
         rig.pause = Duration::from_micros(0);
@@ -85,16 +63,11 @@ fn statement_42_outputs_are_not_taken_that_were_read_while_their_sync_manager_wa
 
 #[test]
 fn statement_43_stale_inputs_can_be_told_by_a_counter() {
-    let mut rig = Rig::with_application(&GATEWAY, gateway_objects());
-    rig.set_up_mailboxes();
-    assert_eq!(rig.request(PRE_OP), (PRE_OP, 0));
+    let mut rig = gateway_in(PRE_OP);
     rig.download_complete(0x1c13, 0, &[2, 0, 0x00, 0x1a, 0x02, 0x1a]).unwrap();
     rig.set_up_process_data();
     // One byte more than after power-on.
-    let mut block = rig.sync_manager(Channel::Inputs);
-    block[2] += 1;
-    rig.write(Channel::Inputs.registers() + 6, &[0]);
-    rig.write(Channel::Inputs.registers(), &block);
+    set_anew(&mut rig, Channel::Inputs, |block| block[2] += 1);
     assert_eq!(rig.request(SAFE_OP), (SAFE_OP, 0));
     let mut counters = (0..5).map(|_| rig.read(GATEWAY.memory.start(Channel::Inputs), 121).unwrap()[120]);
     assert!(counters.by_ref().zip(1..).all(|(counter, expected)| counter == expected));
@@ -130,7 +103,7 @@ fn statement_44_only_complete_outputs_feed_the_watchdog() {
 
 /// Cycles with messages between them: no message is lost, no image torn, and Op stays.
 fn cycles_with_messages(cycle_us: RangeInclusive<u64>) {
-    let (mut rig, echo) = slow_device(5);
+    let (mut rig, echo) = slow_device(5, 5, SLOW);
     let mut random = Random::new(1);
     let request = |sub| [0, 0x20, 0x40, 0x18, 0x10, sub, 0, 0, 0, 0];
     let (mut sent, mut answered) = (0u8, 0u8);
@@ -187,10 +160,8 @@ fn inputs_are_renewed_by_the_local_clock_in_free_run() {
     assert_eq!(rig.request(SAFE_OP), (SAFE_OP, 0));
     let before = rig.application().fill;
     rig.pass(100);
-    assert!(
-        matches!(rig.application().fill.wrapping_sub(before), 99..=101),
-        "once a millisecond, with no frame"
-    );
+    let renewed = rig.application().fill.wrapping_sub(before);
+    assert!((99..=101).contains(&renewed), "once a millisecond, with no frame: {renewed}");
     rig.cycle(1);
     assert_eq!(rig.request(OP), (OP, 0));
     rig.cycle(2);
@@ -213,10 +184,7 @@ fn an_alternative_assignment_has_its_own_size() {
     rig.download_complete(0x1c12, 0, &[1, 0, 0x01, 0x16]).unwrap();
     rig.set_up_process_data();
     assert_eq!(rig.request(SAFE_OP), (PRE_OP | ERROR, 0x001d), "120 bytes do not fit any more");
-    let mut block = rig.sync_manager(Channel::Outputs);
-    block[2] = 4;
-    rig.write(Channel::Outputs.registers() + 6, &[0]);
-    rig.write(Channel::Outputs.registers(), &block);
+    set_anew(&mut rig, Channel::Outputs, |block| block[2] = 4);
     assert_eq!(rig.request(SAFE_OP | ERROR), (SAFE_OP, 0));
     assert_eq!(rig.write(MAILBOX_128.memory.start(Channel::Outputs), &[1, 2, 3, 4]), 1);
     assert_eq!(rig.request(OP), (OP, 0));

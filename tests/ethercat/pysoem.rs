@@ -3,26 +3,17 @@
 use std::fs::File;
 use std::os::unix::fs::FileExt;
 
-use embassy_futures::select::{Either, select};
-use embassy_time::{Duration, Instant, Timer};
-use embedded_hal_async::digital::Wait;
-use ethercat_subdevice::device::Device;
-use ethercat_subdevice::sub_device::SubDevice;
-use mobgate::fieldbus::{DEVICE, EthercatState, GatewayObjects};
 use mobgate_simulator::Device as ModbusDevice;
 use mobgate_simulator::esc::packet::{PacketSocket, serve};
 use mobgate_simulator::own_network::{SEGMENT_END, in_own_network, start_master};
-use mobgate_simulator::sub_device::{direct, line_of};
 use mobgate_simulator::wall_clock::host_milliseconds;
 use mobgate_simulator::world::Clock;
 
-use crate::bench::Shared;
 use crate::gateway::bench::{SETUP, Setup, with_gateway_and_devices};
 use crate::gateway::matrix::Limits;
 use crate::gateway::virtual_devices::Virtual;
 use crate::outside::ends_well;
-
-static GATEWAY: Device = DEVICE;
+use crate::prelude::*;
 
 #[test]
 fn pysoem_starts_the_gateway_reads_its_objects_and_meets_its_watchdog() {

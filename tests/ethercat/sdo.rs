@@ -1,18 +1,9 @@
 //! Conformance: SDO, and what the gateway's objects take (statements 29 to 37).
 
-use ethercat_description::{esi, sii};
-use ethercat_subdevice::al_state::{AlState, AlStatusCode};
-use ethercat_subdevice::coe::abort::Abort;
-use ethercat_subdevice::device::Device;
-use ethercat_subdevice::sync_manager::Channel;
-use mobgate::fieldbus::{DEVICE, GatewayObjects};
+use ethercat_subdevice::al_state::AlStatusCode;
 
-use crate::bench::{
-    Bench, ERROR, INIT, LARGE_BYTES, MAILBOX_34, MAILBOX_64, MAILBOX_128, OP, PRE_OP, Rig, SAFE_OP,
-    gateway_objects,
-};
+use crate::prelude::*;
 
-static GATEWAY: Device = DEVICE;
 /// The same, and it tells its errors by emergencies.
 static TELLING: Device = Device { emergencies: true, ..MAILBOX_128 };
 
@@ -21,9 +12,7 @@ fn rig() -> Rig<Bench> {
 }
 
 fn gateway() -> Rig<GatewayObjects<'static>> {
-    let mut rig = Rig::with_application(&GATEWAY, gateway_objects());
-    rig.bring_to(PRE_OP);
-    rig
+    gateway_in(PRE_OP)
 }
 
 #[test]
@@ -181,11 +170,8 @@ fn statement_32_a_download_has_the_length_that_it_announced() {
     assert_eq!(rig.sdo(&[0x01, 1, 2, 3, 4, 5, 6, 7]), Err(0x0607_0010), "less");
     rig.sdo(&[0x21, 0x01, 0x21, 0, 5, 0, 0, 0]).unwrap();
     assert_eq!(rig.sdo(&[0x01, 1, 2, 3, 4, 5, 6, 7]), Err(0x0607_0010), "more");
-    assert_eq!(
-        rig.sdo(&[0x21, 0x01, 0x21, 0, 0xff, 0xff, 0, 0]),
-        Err(0x0607_0012),
-        "more than there could be"
-    );
+    let endless = rig.sdo(&[0x21, 0x01, 0x21, 0, 0xff, 0xff, 0, 0]);
+    assert_eq!(endless, Err(0x0607_0012), "more than there could be");
     assert_eq!(rig.application().writes, 0);
 }
 
@@ -313,11 +299,9 @@ fn statement_35_a_configuration_that_does_not_fit_is_refused_as_a_whole() {
 #[test]
 fn statement_36_identity_types_and_sizes_agree_everywhere() {
     let mut rig = gateway();
-    let mut image = [0; sii::SII_BYTES];
-    sii::write(&GATEWAY, &mut image).unwrap();
+    let image = sii_of(&GATEWAY);
     assert_eq!(rig.upload_complete(0x1018, 1).unwrap(), image[0x10..0x20]);
-    let mut description = String::new();
-    esi::write(&GATEWAY, &mut description).unwrap();
+    let description = esi_of(&GATEWAY);
     for number in image[0x10..0x1c].as_chunks::<4>().0 {
         assert!(description.contains(&format!("#x{:08X}", u32::from_le_bytes(*number))));
     }
@@ -330,11 +314,9 @@ fn statement_36_identity_types_and_sizes_agree_everywhere() {
         let bits: usize = mapping.as_chunks::<4>().0.iter().map(|entry| usize::from(entry[0])).sum();
         let size = usize::from(rig.upload(buffer, 0).unwrap()[0]);
         let sync_managers = category(&image, 41);
-        let length =
-            u16::from_le_bytes([sync_managers[8 * sync_manager + 2], sync_managers[8 * sync_manager + 3]]);
-        assert_eq!((bits / 8, usize::from(length)), (size, size));
-        let default = format!("DefaultSize=\"{size}\"");
-        assert!(description.contains(&default));
+        let length = &sync_managers[8 * sync_manager + 2..][..2];
+        assert_eq!((bits / 8, length), (size, &(size as u16).to_le_bytes()[..]));
+        assert!(description.contains(&format!("DefaultSize=\"{size}\"")));
     }
 }
 
@@ -460,10 +442,7 @@ fn statement_10_pdos_that_do_not_hold_the_configured_image_keep_the_device_in_pr
         rig.set_up_process_data();
         // Inputs of 256 bytes, where they have not become 120 again.
         if assignment == 0x1c12 {
-            let mut block = rig.sync_manager(Channel::Inputs);
-            block[2..4].copy_from_slice(&256u16.to_le_bytes());
-            rig.write(Channel::Inputs.registers() + 6, &[0]);
-            rig.write(Channel::Inputs.registers(), &block);
+            set_anew(&mut rig, Channel::Inputs, |block| block[2..4].copy_from_slice(&256u16.to_le_bytes()));
         }
         assert_eq!(rig.request(SAFE_OP), (PRE_OP | ERROR, code));
         rig.download(0x2005, 2, &[0, 0]).unwrap();

@@ -1,16 +1,10 @@
 //! Conformance: the state machine, its error codes, the process data watchdog (statements 1 to 20).
 
-use embassy_time::Duration;
-use ethercat_description::sii;
-use ethercat_subdevice::al_state::{AlState, AlStatusCode};
-use ethercat_subdevice::lan9252::{Lan9252 as Driver, Wiring};
-use ethercat_subdevice::sync_manager::Channel;
-use mobgate_simulator::esc::{Chip, Kind, Segment};
-use mobgate_simulator::lan9252::Timing;
-use mobgate_simulator::sub_device::{Paced, direct};
-use mobgate_simulator::{Lan9252, Random, World};
+use ethercat_subdevice::al_state::AlStatusCode;
+use ethercat_subdevice::lan9252::Lan9252 as Driver;
+use mobgate_simulator::esc::Segment;
 
-use crate::bench::{Bench, ERROR, INIT, MAILBOX_128, OP, PRE_OP, Rig, SAFE_OP};
+use crate::prelude::*;
 
 fn rig() -> Rig<Bench> {
     Rig::new(&MAILBOX_128)
@@ -23,9 +17,7 @@ fn in_state(state: u16) -> Rig<Bench> {
 #[test]
 fn statement_01_after_power_on_it_is_in_init_without_error_and_needs_no_processor_for_that() {
     let _world = World::new(1);
-    let mut image = [0; sii::SII_BYTES];
-    sii::write(&MAILBOX_128, &mut image).unwrap();
-    let mut alone = Segment::new([Chip::new(Kind::LAN9252, image.to_vec())]);
+    let mut alone = Segment::new([Chip::new(Kind::LAN9252, sii_of(&MAILBOX_128).to_vec())]);
     assert_eq!(alone.fetch(0, 0x0130, 6).unwrap(), [1, 0, 0, 0, 0, 0]);
     assert_eq!(alone.fetch(0, 0x0110, 1).unwrap()[0] & 1, 1, "the EEPROM was loaded");
     drop(_world);
@@ -48,10 +40,7 @@ fn statement_03_a_wrong_mailbox_stays_in_init() {
         for (at, change) in CHANGES {
             let mut rig = rig();
             rig.set_up_mailboxes();
-            let mut block = rig.sync_manager(channel);
-            block[at] ^= change;
-            rig.write(channel.registers() + 6, &[0]);
-            assert_eq!(rig.write(channel.registers(), &block), 1);
+            set_anew(&mut rig, channel, |block| block[at] ^= change);
             assert_eq!(rig.request(PRE_OP), (INIT | ERROR, 0x0016), "{channel:?}, byte {at} ^ {change:#x}");
         }
     }
@@ -131,10 +120,7 @@ fn statement_09_the_same_state_again_is_no_error() {
 fn safe_op_with(channel: Channel, at: usize, change: u8) -> (u16, u16) {
     let mut rig = in_state(PRE_OP);
     rig.set_up_process_data();
-    let mut block = rig.sync_manager(channel);
-    block[at] ^= change;
-    rig.write(channel.registers() + 6, &[0]);
-    rig.write(channel.registers(), &block);
+    set_anew(&mut rig, channel, |block| block[at] ^= change);
     rig.request(SAFE_OP)
 }
 
@@ -143,11 +129,8 @@ fn statement_10_process_data_that_do_not_fit_stay_in_pre_op() {
     for (channel, code) in [(Channel::Outputs, 0x001d), (Channel::Inputs, 0x001e)] {
         // Length, start (also over the other's buffers), direction, mode, event for the processor.
         for (at, change) in [(2, 0x01), (3, 0x01), (0, 0x08), (1, 0x03), (4, 0x04), (4, 0x02), (4, 0x20)] {
-            assert_eq!(
-                safe_op_with(channel, at, change),
-                (PRE_OP | ERROR, code),
-                "{channel:?} {at} {change}"
-            );
+            let state = safe_op_with(channel, at, change);
+            assert_eq!(state, (PRE_OP | ERROR, code), "{channel:?} {at} {change}");
         }
     }
 }
@@ -193,10 +176,10 @@ fn statement_12_op_is_reached_as_soon_as_outputs_come() {
 #[test]
 fn statement_13_in_op_the_watchdog_leads_to_safe_op() {
     let mut rig = in_state(OP);
-    (0..50).for_each(|_| {
+    for _ in 0..50 {
         rig.pass(10);
         rig.cycle(1);
-    });
+    }
     assert_eq!(rig.status(), (OP, 0));
     rig.pass_since_exchange(98);
     assert_eq!(rig.application().stops, 0, "not before its time");

@@ -2,30 +2,17 @@
 //!
 //! Whatever happens, outputs are whole and never older than the ones before, and as soon as the faults end, a MainDevice that means it
 //! brings the device to Op.
-//!
-//! `MOBGATE_SEED=17 cargo test --test ethercat torture` runs the world of seed 17 alone; `MOBGATE_SEEDS=4000` runs so many, as CI does.
 
-use std::cell::RefCell;
-use std::rc::Rc;
-
-use embassy_time::{Duration, Instant, Timer, with_timeout};
-use ethercat_subdevice::device::Device;
-use ethercat_subdevice::lan9252::{Lan9252 as Driver, Wiring};
-use ethercat_subdevice::sub_device::SubDevice;
-use ethercat_subdevice::sync_manager::Channel;
-use mobgate::fieldbus::DEVICE;
+use embassy_time::with_timeout;
+use ethercat_subdevice::lan9252::Lan9252 as Driver;
 use mobgate_simulator::esc::cable::{Cable, FrameFaults, SharedSegment};
 use mobgate_simulator::esc::frame::{Builder, datagrams};
-use mobgate_simulator::esc::{Command, DirectPdi, Interrupt};
-use mobgate_simulator::lan9252::{SpiFaults, Timing};
-use mobgate_simulator::random::each_seed;
-use mobgate_simulator::share::Share;
-use mobgate_simulator::sub_device::{
-    BusFaults, Faulty, Paced, SharedEcho, cable, image, line_of, spawn, with_master,
-};
-use mobgate_simulator::{Lan9252, Random, World};
+use mobgate_simulator::esc::{DirectPdi, Interrupt};
+use mobgate_simulator::lan9252::SpiFaults;
+use mobgate_simulator::share::{Share, each_world};
+use mobgate_simulator::sub_device::{BusFaults, Faulty};
 
-static GATEWAY: Device = DEVICE;
+use crate::prelude::*;
 
 /// Worlds of a plain `cargo test`.
 const WORLDS: u64 = 100;
@@ -38,9 +25,7 @@ const LOGICAL: u32 = 0;
 
 #[test]
 fn random_worlds_never_show_a_wrong_image_and_always_come_back_to_op() {
-    let share = Share::default();
-    each_seed(WORLDS, |seed| live(seed, &share));
-    share.demand("ethercat_torture", GOOD_MIN);
+    each_world(WORLDS, "ethercat_torture", GOOD_MIN, live);
 }
 
 fn live(seed: u64, share: &Share) {

@@ -1,6 +1,6 @@
 //! An EEPROM image made from an ESI file, as configuration tools make it (ETG.2010); it shares nothing with the SubDevice's own writer.
 
-use roxmltree::{Document, Node};
+use crate::prelude::*;
 
 /// The image, and its strings.
 pub(crate) struct Built {

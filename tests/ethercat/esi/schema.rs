@@ -1,6 +1,6 @@
 //! The part of the ESI schema (ETG.2000) that the file uses: which elements and attributes stand where, how often, with what content.
 
-use roxmltree::{Document, Node};
+use crate::prelude::*;
 
 /// What stands in an element or attribute.
 #[derive(Clone, Copy)]
@@ -17,243 +17,123 @@ enum Content {
     Hex,
     /// Some text.
     Text,
-    /// One of these.
-    OneOf(&'static [&'static str]),
+    /// One of these, with bars between.
+    OneOf(&'static str),
 }
 
 use Content::{Bool, Elements, Hex, HexDec, Integer, OneOf, Text};
 
-/// Name, content, least and greatest number.
-type Child = (&'static str, Content, usize, usize);
-/// Name, content, whether it is required.
-type Attribute = (&'static str, Content, bool);
+/// An element or attribute: how often it may be there, and what stands in it.
+struct Part {
+    name: &'static str,
+    least: usize,
+    most: usize,
+    content: Content,
+}
+
+impl Part {
+    fn new(word: &'static str) -> Self {
+        let (name, content) = word.split_once(':').expect("a name and a content");
+        let (name, least, most) = match name.split_at(name.len() - 1) {
+            (name, "?") => (name, 0, 1),
+            (name, "*") => (name, 0, usize::MAX),
+            (name, "+") => (name, 1, usize::MAX),
+            _ => (name, 1, 1),
+        };
+        let content = match content {
+            "HexDec" => HexDec,
+            "Integer" => Integer,
+            "Bool" => Bool,
+            "Hex" => Hex,
+            "Text" => Text,
+            words => words.strip_prefix('@').map_or(OneOf(words), Elements),
+        };
+        Self { name, least, most, content }
+    }
+}
 
 struct Rule {
     name: &'static str,
-    attributes: &'static [Attribute],
+    /// Attributes have no order in XML.
+    attributes: Vec<Part>,
     /// In this order.
-    children: &'static [Child],
+    children: Vec<Part>,
 }
 
-const MANY: usize = usize::MAX;
-const PDO_ATTRIBUTES: &[Attribute] =
-    &[("Fixed", Bool, false), ("Mandatory", Bool, false), ("Sm", Integer, false)];
-const RESTRICTIONS: &[&str] = &["PreOP", "PreOP_SafeOP", "PreOP_OP", "SafeOP", "SafeOP_OP", "OP"];
-
-const fn rule(name: &'static str, children: &'static [Child]) -> Rule {
-    Rule { name, attributes: &[], children }
+/// The rules in a text like [`RULES`].
+fn rules(text: &'static str) -> Vec<Rule> {
+    let mut rules: Vec<Rule> = Vec::new();
+    for line in text.trim().lines() {
+        let mut words = line.split_whitespace();
+        if !line.starts_with(' ') {
+            let name = words.next().expect("a name");
+            rules.push(Rule { name, attributes: Vec::new(), children: Vec::new() });
+        }
+        let rule = rules.last_mut().expect("the first line has a name");
+        // It goes on behind its attributes, or among its children.
+        let mut parts = if rule.children.is_empty() { &mut rule.attributes } else { &mut rule.children };
+        for word in words {
+            match word {
+                "=" => parts = &mut rule.children,
+                word => parts.push(Part::new(word)),
+            }
+        }
+    }
+    rules
 }
 
-const RULES: &[Rule] = &[
-    rule(
-        "EtherCATInfo",
-        &[("Vendor", Elements("Vendor"), 1, 1), ("Descriptions", Elements("Descriptions"), 1, 1)],
-    ),
-    rule("Vendor", &[("Id", HexDec, 1, 1), ("Name", Text, 1, MANY)]),
-    rule(
-        "Descriptions",
-        &[
-            ("Groups", Elements("Groups"), 1, 1),
-            ("Devices", Elements("Devices"), 1, 1),
-            ("Modules", Elements("Modules"), 0, 1),
-        ],
-    ),
-    rule("Modules", &[("Module", Elements("Module"), 1, MANY)]),
-    rule(
-        "Module",
-        &[
-            ("Type", Text, 1, 1),
-            ("Name", Text, 1, MANY),
-            ("RxPdo", Elements("Pdo"), 0, MANY),
-            ("TxPdo", Elements("Pdo"), 0, MANY),
-            ("Mailbox", Elements("Mailbox"), 0, 1),
-            ("Profile", Elements("Profile"), 0, 1),
-        ],
-    ),
-    Rule {
-        name: "Slots",
-        // Attributes have no order in XML. `IdentifyModuleBy` is for tools that follow an older edition of the schema.
-        attributes: &[
-            ("MaxSlotCount", Integer, false),
-            ("SlotPdoIncrement", HexDec, false),
-            ("SlotIndexIncrement", HexDec, false),
-            ("IdentifyModuleBy", OneOf(&["ModuleIdent", "ModuleTypeAndRevision"]), false),
-            ("DownloadModuleIdentList", Bool, false),
-        ],
-        children: &[("Slot", Elements("Slot"), 1, MANY)],
-    },
-    Rule {
-        name: "Slot",
-        attributes: &[("MinInstances", Integer, true), ("MaxInstances", Integer, true)],
-        children: &[("Name", Text, 0, MANY), ("ModuleClass", Elements("ModuleClass"), 0, MANY)],
-    },
-    rule("ModuleClass", &[("Class", Text, 1, 1), ("Name", Text, 1, MANY)]),
-    rule("Groups", &[("Group", Elements("Group"), 1, MANY)]),
-    rule("Group", &[("Type", Text, 1, 1), ("Name", Text, 1, MANY)]),
-    rule("Devices", &[("Device", Elements("Device"), 1, MANY)]),
-    Rule {
-        name: "Device",
-        attributes: &[("Physics", Text, true)],
-        children: &[
-            ("Type", Text, 1, 1),
-            ("Name", Text, 1, MANY),
-            ("Info", Elements("Info"), 0, 1),
-            ("GroupType", Text, 1, 1),
-            ("Profile", Elements("Profile"), 0, MANY),
-            ("Fmmu", OneOf(&["Outputs", "Inputs", "MBoxState"]), 0, MANY),
-            ("Sm", OneOf(&["MBoxOut", "MBoxIn", "Outputs", "Inputs"]), 0, MANY),
-            ("RxPdo", Elements("Pdo"), 0, MANY),
-            ("TxPdo", Elements("Pdo"), 0, MANY),
-            ("Mailbox", Elements("Mailbox"), 0, 1),
-            ("Slots", Elements("Slots"), 0, 1),
-            ("Eeprom", Elements("Eeprom"), 0, 1),
-        ],
-    },
-    rule(
-        "Info",
-        &[
-            ("StateMachine", Elements("StateMachine"), 0, 1),
-            ("Mailbox", Elements("InfoMailbox"), 0, 1),
-            ("IdentificationAdo", HexDec, 0, 1),
-            ("IdentificationReg134", Bool, 0, 1),
-        ],
-    ),
-    rule(
-        "Profile",
-        &[
-            ("ProfileNo", Integer, 0, 1),
-            ("AddInfo", Integer, 0, 1),
-            ("Dictionary", Elements("Dictionary"), 0, 1),
-            ("DiagMessages", Elements("DiagMessages"), 0, 1),
-        ],
-    ),
-    rule("DiagMessages", &[("DiagMessage", Elements("DiagMessage"), 1, MANY)]),
-    rule("DiagMessage", &[("TextId", HexDec, 1, 1), ("MessageText", Text, 1, MANY)]),
-    rule("Dictionary", &[("DataTypes", Elements("DataTypes"), 1, 1), ("Objects", Elements("Objects"), 1, 1)]),
-    rule("DataTypes", &[("DataType", Elements("DataType"), 0, MANY)]),
-    rule(
-        "DataType",
-        &[
-            ("Name", Text, 1, 1),
-            ("BaseType", Text, 0, 1),
-            ("BitSize", Integer, 1, 1),
-            ("ArrayInfo", Elements("ArrayInfo"), 0, MANY),
-            ("SubItem", Elements("SubItem"), 0, MANY),
-        ],
-    ),
-    rule("ArrayInfo", &[("LBound", Integer, 1, 1), ("Elements", Integer, 1, 1)]),
-    rule(
-        "SubItem",
-        &[
-            ("SubIdx", HexDec, 0, 1),
-            ("Name", Text, 1, 1),
-            ("Type", Text, 1, 1),
-            ("BitSize", Integer, 1, 1),
-            ("BitOffs", Integer, 1, 1),
-            ("Flags", Elements("Flags"), 0, 1),
-        ],
-    ),
-    rule("Objects", &[("Object", Elements("Object"), 0, MANY)]),
-    rule(
-        "Object",
-        &[
-            ("Index", HexDec, 1, 1),
-            ("Name", Text, 1, MANY),
-            ("Type", Text, 1, 1),
-            ("BitSize", Integer, 1, 1),
-            ("Info", Elements("ObjectInfo"), 0, 1),
-            ("Flags", Elements("Flags"), 0, 1),
-        ],
-    ),
-    rule("ObjectInfo", &[("DefaultData", Hex, 0, 1), ("SubItem", Elements("InfoItem"), 0, MANY)]),
-    rule("InfoItem", &[("Name", Text, 1, 1), ("Info", Elements("ObjectInfo"), 1, 1)]),
-    rule(
-        "Flags",
-        &[
-            ("Access", OneOf(&["ro", "rw", "wo"]), 0, 1),
-            ("Category", OneOf(&["m", "o", "c"]), 0, 1),
-            ("PdoMapping", OneOf(&["T", "R", "TR", "RT"]), 0, 1),
-        ],
-    ),
-    Rule {
-        name: "Pdo",
-        attributes: PDO_ATTRIBUTES,
-        children: &[
-            ("Index", HexDec, 1, 1),
-            ("Name", Text, 1, MANY),
-            ("Exclude", HexDec, 0, MANY),
-            ("Entry", Elements("Entry"), 0, MANY),
-        ],
-    },
-    rule(
-        "Entry",
-        &[
-            ("Index", HexDec, 1, 1),
-            ("SubIndex", HexDec, 0, 1),
-            ("BitLen", Integer, 1, 1),
-            ("Name", Text, 0, MANY),
-            ("Comment", Text, 0, 1),
-            ("DataType", Text, 0, 1),
-        ],
-    ),
-    Rule {
-        name: "Mailbox",
-        attributes: &[("DataLinkLayer", Bool, false)],
-        children: &[("CoE", Elements("CoE"), 0, 1)],
-    },
-    Rule {
-        name: "CoE",
-        attributes: &[
-            ("SdoInfo", Bool, false),
-            ("PdoAssign", Bool, false),
-            ("PdoConfig", Bool, false),
-            ("PdoUpload", Bool, false),
-            ("CompleteAccess", Bool, false),
-            ("SegmentedSdo", Bool, false),
-            ("DiagHistory", Bool, false),
-        ],
-        children: &[("InitCmd", Elements("InitCmd"), 0, MANY)],
-    },
-    rule(
-        "InitCmd",
-        &[
-            ("Transition", OneOf(&["IP", "PS", "SO", "SP", "OP", "OS"]), 1, MANY),
-            ("Index", HexDec, 1, 1),
-            ("SubIndex", HexDec, 1, 1),
-            ("Data", Hex, 1, 1),
-            ("Comment", Text, 0, 1),
-        ],
-    ),
-    rule("Eeprom", &[("ByteSize", Integer, 1, 1), ("ConfigData", Hex, 1, 1)]),
-];
+/// Elements: attributes `=` other elements. `?` is none or one, `*` any number, `+` one at least; behind the colon stands the content.
+/// `IdentifyModuleBy` is for tools that follow an older edition of the schema.
+const RULES: &str = "
+EtherCATInfo = Vendor:@Vendor Descriptions:@Descriptions
+Vendor = Id:HexDec Name+:Text
+Descriptions = Groups:@Groups Devices:@Devices Modules?:@Modules
+Modules = Module+:@Module
+Module = Type:Text Name+:Text RxPdo*:@Pdo TxPdo*:@Pdo Mailbox?:@Mailbox Profile?:@Profile
+Slots MaxSlotCount?:Integer SlotPdoIncrement?:HexDec SlotIndexIncrement?:HexDec
+    IdentifyModuleBy?:ModuleIdent|ModuleTypeAndRevision DownloadModuleIdentList?:Bool = Slot+:@Slot
+Slot MinInstances:Integer MaxInstances:Integer = Name*:Text ModuleClass*:@ModuleClass
+ModuleClass = Class:Text Name+:Text
+Groups = Group+:@Group
+Group = Type:Text Name+:Text
+Devices = Device+:@Device
+Device Physics:Text = Type:Text Name+:Text Info?:@Info GroupType:Text Profile*:@Profile
+    Fmmu*:Outputs|Inputs|MBoxState Sm*:MBoxOut|MBoxIn|Outputs|Inputs RxPdo*:@Pdo TxPdo*:@Pdo
+    Mailbox?:@Mailbox Slots?:@Slots Eeprom?:@Eeprom
+Info = StateMachine?:@StateMachine Mailbox?:@InfoMailbox IdentificationAdo?:HexDec
+    IdentificationReg134?:Bool
+Profile = ProfileNo?:Integer AddInfo?:Integer Dictionary?:@Dictionary DiagMessages?:@DiagMessages
+DiagMessages = DiagMessage+:@DiagMessage
+DiagMessage = TextId:HexDec MessageText+:Text
+Dictionary = DataTypes:@DataTypes Objects:@Objects
+DataTypes = DataType*:@DataType
+DataType = Name:Text BaseType?:Text BitSize:Integer ArrayInfo*:@ArrayInfo SubItem*:@SubItem
+ArrayInfo = LBound:Integer Elements:Integer
+SubItem = SubIdx?:HexDec Name:Text Type:Text BitSize:Integer BitOffs:Integer Flags?:@Flags
+Objects = Object*:@Object
+Object = Index:HexDec Name+:Text Type:Text BitSize:Integer Info?:@ObjectInfo Flags?:@Flags
+ObjectInfo = DefaultData?:Hex SubItem*:@InfoItem
+InfoItem = Name:Text Info:@ObjectInfo
+Flags = Access?:ro|rw|wo Category?:m|o|c PdoMapping?:T|R|TR|RT
+Pdo Fixed?:Bool Mandatory?:Bool Sm?:Integer = Index:HexDec Name+:Text Exclude*:HexDec Entry*:@Entry
+Entry = Index:HexDec SubIndex?:HexDec BitLen:Integer Name*:Text Comment?:Text DataType?:Text
+Mailbox DataLinkLayer?:Bool = CoE?:@CoE
+CoE SdoInfo?:Bool PdoAssign?:Bool PdoConfig?:Bool PdoUpload?:Bool CompleteAccess?:Bool SegmentedSdo?:Bool
+    DiagHistory?:Bool = InitCmd*:@InitCmd
+InitCmd = Transition+:IP|PS|SO|SP|OP|OS Index:HexDec SubIndex:HexDec Data:Hex Comment?:Text
+Eeprom = ByteSize:Integer ConfigData:Hex
+";
 
-/// Attributes of elements whose content is a text: those of the element of that name.
-const TEXT_ATTRIBUTES: &[(&str, &[Attribute])] = &[
-    (
-        "Sm",
-        &[
-            ("MinSize", HexDec, false),
-            ("MaxSize", HexDec, false),
-            ("DefaultSize", HexDec, true),
-            ("StartAddress", HexDec, true),
-            ("ControlByte", HexDec, true),
-            ("Enable", HexDec, false),
-        ],
-    ),
-    (
-        "Access",
-        &[
-            ("ReadRestrictions", OneOf(RESTRICTIONS), false),
-            ("WriteRestrictions", OneOf(RESTRICTIONS), false),
-        ],
-    ),
-    ("MessageText", &[("LcId", Integer, false)]),
-    ("Index", &[("DependOnSlot", Bool, false)]),
-];
-/// Only a device's type has numbers.
-const TYPE_ATTRIBUTES: &[Attribute] = &[("ProductCode", HexDec, true), ("RevisionNo", HexDec, true)];
-
-const MODULE_TYPE_ATTRIBUTES: &[Attribute] = &[("ModuleIdent", HexDec, true), ("ModuleClass", Text, false)];
+/// Attributes of elements whose content is a text; only a device's type has numbers.
+const TEXT_ATTRIBUTES: &str = "
+Sm MinSize?:HexDec MaxSize?:HexDec DefaultSize:HexDec StartAddress:HexDec ControlByte:HexDec Enable?:HexDec
+Access ReadRestrictions?:PreOP|PreOP_SafeOP|PreOP_OP|SafeOP|SafeOP_OP|OP
+    WriteRestrictions?:PreOP|PreOP_SafeOP|PreOP_OP|SafeOP|SafeOP_OP|OP
+MessageText LcId?:Integer
+Index DependOnSlot?:Bool
+Device/Type ProductCode:HexDec RevisionNo:HexDec
+Module/Type ModuleIdent:HexDec ModuleClass?:Text
+";
 
 /// Whether a text is such a content.
 fn fits(content: Content, text: &str) -> bool {
@@ -265,45 +145,37 @@ fn fits(content: Content, text: &str) -> bool {
         Bool => matches!(text, "true" | "false" | "0" | "1"),
         Hex => text.is_empty() || digits(text, 16) && text.len().is_multiple_of(2),
         Text => !text.trim().is_empty(),
-        OneOf(words) => words.contains(&text),
+        OneOf(words) => words.split('|').any(|word| word == text),
     }
 }
 
 /// What is wrong with the file.
 pub(crate) fn faults(document: &Document<'_>) -> Vec<String> {
     let mut faults = Vec::new();
-    check(document.root_element(), Elements("EtherCATInfo"), "", &mut faults);
+    let rules = [rules(RULES), rules(TEXT_ATTRIBUTES)];
+    check(&rules, document.root_element(), Elements("EtherCATInfo"), "", &mut faults);
     faults
 }
 
-fn check(node: Node<'_, '_>, content: Content, path: &str, faults: &mut Vec<String>) {
+fn check(rules: &[Vec<Rule>; 2], node: Node<'_, '_>, content: Content, path: &str, faults: &mut Vec<String>) {
     let name = node.tag_name().name();
     let path = format!("{path}/{name}");
+    let [of_elements, of_texts] = rules;
     let rule = match content {
-        Elements(rule) => {
-            Some(RULES.iter().find(|known| known.name == rule).expect("a rule for each element"))
-        }
+        Elements(rule) => of_elements.iter().find(|known| known.name == rule),
         _ => None,
     };
-    let attributes = match rule {
-        Some(rule) => rule.attributes,
-        None if path.ends_with("/Device/Type") => TYPE_ATTRIBUTES,
-        None if path.ends_with("/Module/Type") => MODULE_TYPE_ATTRIBUTES,
-        None => TEXT_ATTRIBUTES
-            .iter()
-            .find(|(known, _)| *known == name)
-            .map_or(&[][..], |(_, attributes)| attributes),
-    };
+    assert_eq!(rule.is_some(), matches!(content, Elements(_)), "a rule for each element: {path}");
+    let of_text = || of_texts.iter().find(|known| path.ends_with(&format!("/{}", known.name)));
+    let attributes = rule.or_else(of_text).map_or(&[][..], |rule| &rule.attributes);
     for attribute in node.attributes() {
-        let known = attributes.iter().find(|(known, ..)| *known == attribute.name());
-        if !known.is_some_and(|(_, content, _)| fits(*content, attribute.value())) {
+        let known = attributes.iter().find(|known| known.name == attribute.name());
+        if !known.is_some_and(|known| fits(known.content, attribute.value())) {
             faults.push(format!("{path}: {}=\"{}\"", attribute.name(), attribute.value()));
         }
     }
-    for (missing, ..) in
-        attributes.iter().filter(|(known, _, required)| *required && !node.has_attribute(*known))
-    {
-        faults.push(format!("{path}: no {missing}"));
+    for missing in attributes.iter().filter(|known| known.least > 0 && !node.has_attribute(known.name)) {
+        faults.push(format!("{path}: no {}", missing.name));
     }
     let Some(rule) = rule else {
         let text = node.text().unwrap_or_default();
@@ -313,10 +185,10 @@ fn check(node: Node<'_, '_>, content: Content, path: &str, faults: &mut Vec<Stri
         return;
     };
     let mut children = node.children().filter(Node::is_element).peekable();
-    for &(child, content, least, most) in rule.children {
+    for &Part { name: child, least, most, content } in &rule.children {
         let mut count = 0;
         while let Some(node) = children.next_if(|node| node.has_tag_name(child)) {
-            check(node, content, &path, faults);
+            check(rules, node, content, &path, faults);
             count += 1;
         }
         if count < least || count > most {

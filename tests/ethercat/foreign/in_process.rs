@@ -1,22 +1,12 @@
 //! The same routine in virtual time: ethercrab, and frames of our own.
 
-use ethercat_subdevice::application::Application;
-use ethercat_subdevice::device::Device;
-use ethercat_subdevice::sub_device::SubDevice;
-use ethercat_subdevice::sync_manager::Channel;
 use ethercrab::{EtherCrabWireRead, EtherCrabWireSized, SubIndex};
 use ethercrab_wire::WireError;
-use mobgate::fieldbus::GatewayObjects;
-use mobgate_simulator::World;
-use mobgate_simulator::esc::Command;
-use mobgate_simulator::sub_device::{
-    Dispatcher, SharedEcho, cable, direct, image, line_of, spawn, with_master,
-};
 
-use super::{GATEWAY, Listing, WITH_MODULES, cycles, entries, modules, number};
-use crate::bench::{INIT, LOGICAL, OP, PRE_OP, Rig, SAFE_OP, at_most, gateway_objects};
+use super::{Listing, WITH_MODULES, cycles, entries, modules, number};
 use crate::gateway::modules::set_up;
 use crate::information::list;
+use crate::prelude::*;
 
 /// Starts of a plain `cargo test`: more than in real time.
 const STARTS: u32 = 30;
@@ -73,24 +63,6 @@ fn demand(name: &str, short: u64) {
     at_most(&format!("{name}_short"), short, &format!("of {}", cycles()), 0);
 }
 
-/// The gateway's SubDevice with this application, and ethercrab, which does as `script` says.
-fn with_ethercrab(application: impl Application, script: impl AsyncFnOnce(Dispatcher<'_>)) {
-    ethercrab_with(&GATEWAY, application, script);
-}
-
-/// The same of another device.
-fn ethercrab_with(
-    device: &'static Device,
-    application: impl Application,
-    script: impl AsyncFnOnce(Dispatcher<'_>),
-) {
-    let mut world = World::new(1);
-    let line = line_of(device);
-    let (esc, interrupt) = direct(line.borrow().chip(0));
-    spawn(&world, SubDevice::new(device, esc, application), interrupt);
-    with_master(&mut world, cable(line), script);
-}
-
 /// Whether ethercrab can read `value`: 0.7.1 takes the response to a segment for one that it does not know.
 fn fits_a_mailbox(value: &[u8]) -> bool {
     value.len() <= 128 - 6 - 2 - 8
@@ -100,12 +72,6 @@ fn fits_a_mailbox(value: &[u8]) -> bool {
 fn read(raw: &mut Rig<GatewayObjects<'static>>, object: &Listed) -> (Vec<Vec<u8>>, Option<Vec<u8>>) {
     let values = object.entries.iter().map(|entry| raw.upload(entry.index, entry.sub).unwrap()).collect();
     (values, object.is_complete().then(|| raw.upload_complete(object.index, 0).unwrap()))
-}
-
-fn in_pre_op() -> Rig<GatewayObjects<'static>> {
-    let mut raw = Rig::with_application(&GATEWAY, gateway_objects());
-    raw.bring_to(PRE_OP);
-    raw
 }
 
 /// The object that has another value at each reading (10F8h).
@@ -121,10 +87,10 @@ fn ethercrab_reads_all_objects() {
 
 fn read_all_objects_by_ethercrab() {
     let objects = objects();
-    let mut raw = in_pre_op();
+    let mut raw = gateway_in(PRE_OP);
     let expected: Vec<_> = objects.iter().map(|object| read(&mut raw, object)).collect();
     drop(raw); // Its clock too.
-    with_ethercrab(gateway_objects(), async |dispatcher| {
+    with_ethercrab(&GATEWAY, gateway_objects(), async |dispatcher| {
         let group = dispatcher.to_pre_op().await.unwrap();
         let device = group.subdevice(dispatcher.master, 0).unwrap();
         // Of the list itself 0.7.1 loses the end of each fragment but the first.
@@ -150,14 +116,14 @@ fn read_all_objects_by_ethercrab() {
 
 #[test]
 fn ethercrab_exchanges_as_often_as_the_others() {
-    with_ethercrab(SharedEcho::default(), async |dispatcher| {
+    with_ethercrab(&GATEWAY, SharedEcho::default(), async |dispatcher| {
         demand("ethercrab", exchange_by_ethercrab(dispatcher).await);
     });
 }
 
 #[test]
 fn ethercrab_exchanges_the_process_data_of_modules_as_often_as_the_others() {
-    ethercrab_with(&WITH_MODULES, modules().0, async |dispatcher| {
+    with_ethercrab(&WITH_MODULES, modules().0, async |dispatcher| {
         demand("ethercrab_modules", exchange_by_ethercrab(dispatcher).await);
     });
 }
@@ -175,12 +141,12 @@ async fn exchange_by_ethercrab(dispatcher: Dispatcher<'_>) -> u64 {
 
 #[test]
 fn ethercrab_starts_again_and_again() {
-    with_ethercrab(SharedEcho::default(), start_by_ethercrab);
+    with_ethercrab(&GATEWAY, SharedEcho::default(), start_by_ethercrab);
 }
 
 #[test]
 fn ethercrab_starts_modules_again_and_again() {
-    ethercrab_with(&WITH_MODULES, modules().0, start_by_ethercrab);
+    with_ethercrab(&WITH_MODULES, modules().0, start_by_ethercrab);
 }
 
 async fn start_by_ethercrab(dispatcher: Dispatcher<'_>) {
@@ -195,7 +161,7 @@ async fn start_by_ethercrab(dispatcher: Dispatcher<'_>) {
 
 #[test]
 fn raw_frames_read_all_objects() {
-    let mut raw = in_pre_op();
+    let mut raw = gateway_in(PRE_OP);
     let listed = list(&mut raw, 1);
     let mut segmented = 0;
     for object in objects() {
@@ -225,11 +191,8 @@ fn raw_frames_exchange_as_often_as_the_others() {
     demand("raw", short);
     let application = raw.application();
     let echo = application.0.borrow();
-    assert_eq!(
-        (echo.torn, echo.lost, echo.last),
-        (1, 0, Some(cycles().into())),
-        "torn are the zeros of the start"
-    );
+    let counted = (echo.torn, echo.lost, echo.last);
+    assert_eq!(counted, (1, 0, Some(cycles().into())), "torn are the zeros of the start");
 }
 
 #[test]

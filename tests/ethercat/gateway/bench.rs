@@ -156,6 +156,38 @@ fn with_gateway_of(
     });
 }
 
+/// To Op, with `outputs`, by a frame each `cycle`.
+pub(crate) async fn to_op<const BYTES: usize>(
+    dispatcher: &Dispatcher<'_>,
+    group: Group<PreOp, BYTES>,
+    outputs: &[u8],
+    cycle: Duration,
+) -> Group<Op, BYTES> {
+    let group = group.into_safe_op(dispatcher.master).await.unwrap();
+    let gateway = group.subdevice(dispatcher.master, 0).unwrap();
+    gateway.outputs_raw_mut()[..outputs.len()].copy_from_slice(outputs);
+    group.tx_rx(dispatcher.master).await.unwrap();
+    let group = group.request_into_op(dispatcher.master).await.unwrap();
+    while !group.tx_rx(dispatcher.master).await.unwrap().all_op() {
+        Timer::after(cycle).await;
+    }
+    group
+}
+
+/// Exchanges process data for `time`, by a frame each `cycle`.
+pub(crate) async fn cycle_for<const BYTES: usize>(
+    dispatcher: &Dispatcher<'_>,
+    group: &Group<Op, BYTES>,
+    time: Duration,
+    cycle: Duration,
+) {
+    let begin = Instant::now();
+    while begin.elapsed() < time {
+        group.tx_rx(dispatcher.master).await.unwrap();
+        Timer::after(cycle).await;
+    }
+}
+
 impl Bench<'_> {
     /// Writes the configuration of all devices, and has it taken over.
     pub(crate) async fn configure(&self, group: &Group<PreOp>) {
@@ -176,15 +208,7 @@ impl Bench<'_> {
 
     /// To Op, with `outputs`.
     pub(crate) async fn to_op(&self, group: Group<PreOp>, outputs: &[u8]) -> Group<Op> {
-        let group = group.into_safe_op(self.dispatcher.master).await.unwrap();
-        let gateway = group.subdevice(self.dispatcher.master, 0).unwrap();
-        gateway.outputs_raw_mut()[..outputs.len()].copy_from_slice(outputs);
-        group.tx_rx(self.dispatcher.master).await.unwrap();
-        let group = group.request_into_op(self.dispatcher.master).await.unwrap();
-        while !group.tx_rx(self.dispatcher.master).await.unwrap().all_op() {
-            Timer::after_millis(self.setup.cycle_ms).await;
-        }
-        group
+        to_op(&self.dispatcher, group, outputs, Duration::from_millis(self.setup.cycle_ms)).await
     }
 
     /// Exchanges process data for `time`.

@@ -1,17 +1,7 @@
 //! What the gateway does besides exchanging values: without a configuration, before and after Op, with devices that are not well.
 
-use embassy_time::Timer;
-use ethercat_subdevice::device::Device;
-use mobgate::fieldbus::DEVICE;
-use mobgate::language::apply;
-use mobgate::settings::Settings;
-use mobgate_simulator::fault::When;
-use mobgate_simulator::{Fault, Faults};
-
 use super::bench::{MS, SETUP, Setup, with_devices};
-use crate::bench::{INIT, Rig, gateway_objects};
-
-static GATEWAY: Device = DEVICE;
+use crate::prelude::*;
 
 #[test]
 fn while_the_flag_is_reset_there_is_no_traffic_and_the_buffers_keep_their_values() {

@@ -1,16 +1,12 @@
 //! The configuration flow: what is taken over, what follows from it, and that a bad configuration changes nothing.
 
-use ethercat_subdevice::al_state::AlState;
-use ethercat_subdevice::application::Application;
-use ethercat_subdevice::coe::abort::Abort;
-use mobgate::fieldbus::{ConfigError, Configuration, EthercatState, GatewayObjects, REASON_BYTES, Room};
-use mobgate::language::apply;
+use mobgate::fieldbus::{ConfigError, Configuration, REASON_BYTES, Room};
 use mobgate::scanner::Kind;
-use mobgate::settings::{PortKind, Settings};
-use mobgate_simulator::rig::with_gateway;
+use mobgate::settings::PortKind;
 
 use super::objects::{SETTINGS, configure, layout, read, reason, with_objects, write};
 use super::virtual_devices::virtual_devices;
+use crate::prelude::*;
 
 #[test]
 fn the_devices_of_the_vectors_have_the_layout_of_the_vectors() {
@@ -200,11 +196,7 @@ fn an_image_may_fill_its_room_to_the_last_byte_and_not_a_byte_more() {
 #[test]
 fn a_value_of_32_bits_is_not_cut_in_two() {
     with_objects(|place, mut objects| {
-        let mut settings = Settings::new();
-        for line in ["port ecat ethercat", "slave 0 unit 1 input 0 count 2 as f32"] {
-            apply(&mut settings, line).unwrap();
-        }
-        place.follow(&settings, true);
+        place.follow(&settings_of("port ecat ethercat\nslave 0 unit 1 input 0 count 2 as f32"), true);
         write(&mut objects, 0x2001, 6, 3).unwrap();
         assert_eq!(write(&mut objects, 0x2005, 1, 1), Err(Abort::Incompatible));
         assert_eq!(reason(&mut objects), "slave 0: half a value of input");
@@ -215,7 +207,6 @@ fn a_value_of_32_bits_is_not_cut_in_two() {
 
 #[test]
 fn the_configuration_after_power_on_can_be_used() {
-    let speed = Configuration::default().plan(Room::FIRST).unwrap();
-    assert_eq!(speed.baud, 115_200);
+    assert_eq!(Configuration::default().plan(Room::FIRST).unwrap().baud, 115_200);
     assert_eq!(Configuration::default().slaves().len(), 4);
 }

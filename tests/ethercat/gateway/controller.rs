@@ -1,23 +1,30 @@
 //! A controller that is not there, comes, and goes, as the gateway's port shows it; and what is read of it, as the port is set.
 
-use embassy_time::{Duration, Timer};
-use embedded_hal_async::digital::Wait;
-use ethercat_subdevice::device::Device;
-use ethercat_subdevice::lan9252::{Lan9252 as Driver, Wiring};
-use mobgate::fieldbus::{Controller, DEVICE, EthercatState, LONG_DEVICE, serve, serve_long};
+use ethercat_subdevice::lan9252::Lan9252 as Driver;
+use mobgate::fieldbus::{Controller, LONG_DEVICE, serve, serve_long};
 use mobgate::gateway::Status;
-use mobgate_simulator::esc::{Kind, SharedSegment};
-use mobgate_simulator::lan9252::Timing;
-use mobgate_simulator::rig::{Size, with_gateway, with_gateway_on};
-use mobgate_simulator::sub_device::{cable, direct, line_of, line_of_kind, with_master};
+use mobgate_simulator::esc::SharedSegment;
+use mobgate_simulator::rig::{Rig, Size, with_gateway_on};
+use mobgate_simulator::sub_device::line_of_kind;
 use mobgate_simulator::world::Clock;
-use mobgate_simulator::{Lan9252, World};
 
-static GATEWAY: Device = DEVICE;
+use crate::prelude::*;
 
 const SETTINGS: &str = "port bus serial uart1 rtu client 19200 8E1
     port ecat ethercat line bus
     route ecat 1-247 * * bus";
+
+/// The gateway's side of EtherCAT runs at the chip of `line`, which has this `timing`.
+fn serve_at<'g>(world: &World<'g>, rig: &Rig<'g>, line: &SharedSegment, timing: Timing) -> Lan9252 {
+    let place = rig.gateway.ethercat().unwrap();
+    let lan9252 = Lan9252::new(line.borrow().chip(0), timing);
+    let driver = Driver::new(lan9252.spi(), Wiring::default());
+    let mut interrupt = lan9252.interrupt();
+    world.spawn(async move {
+        serve(place, None, driver, async || interrupt.wait_for_high().await.unwrap()).await;
+    });
+    lan9252
+}
 
 #[test]
 fn the_port_says_that_no_controller_answers_and_works_when_one_does() {
@@ -27,12 +34,7 @@ fn the_port_says_that_no_controller_answers_and_works_when_one_does() {
         let line = line_of(&GATEWAY);
         // It stays in reset for as long as this holds.
         let absent = Timing { test_nanos: u64::MAX / 2, ..Timing::USUAL };
-        let lan9252 = Lan9252::new(line.borrow().chip(0), absent);
-        let driver = Driver::new(lan9252.spi(), Wiring::default());
-        let mut interrupt = lan9252.interrupt();
-        world.spawn(async move {
-            serve(place, None, driver, async || interrupt.wait_for_high().await.unwrap()).await;
-        });
+        let lan9252 = serve_at(world, rig, &line, absent);
         world.run_for(Duration::from_secs(9));
         assert!(matches!(place.controller(), Controller::Missing(_)), "{:?}", place.controller());
         assert!(matches!(port(), Status::Failed(_)), "{:?}", port());
@@ -76,12 +78,7 @@ fn the_setting_modules_makes_it_another_device_at_once_also_in_op() {
     with_gateway(1, SETTINGS, |world, rig| {
         let place = rig.gateway.ethercat().unwrap();
         let line = line_of(&GATEWAY);
-        let lan9252 = Lan9252::new(line.borrow().chip(0), Timing::USUAL);
-        let driver = Driver::new(lan9252.spi(), Wiring::default());
-        let mut interrupt = lan9252.interrupt();
-        world.spawn(async move {
-            serve(place, None, driver, async || interrupt.wait_for_high().await.unwrap()).await;
-        });
+        serve_at(world, rig, &line, Timing::USUAL);
         world.run_for(Duration::from_secs(2));
         let fixed = GATEWAY.identity.product;
         assert_eq!(product(world, &line), (fixed, None));
@@ -145,14 +142,8 @@ fn outputs_are_proved_from_the_setting_on_while_process_data_go_on() {
     const READ_BYTES: u64 = 145;
     const CYCLES: u64 = 50;
     with_gateway(1, SETTINGS, |world, rig| {
-        let place = rig.gateway.ethercat().unwrap();
         let line = line_of(&GATEWAY);
-        let lan9252 = Lan9252::new(line.borrow().chip(0), Timing::USUAL);
-        let driver = Driver::new(lan9252.spi(), Wiring::default());
-        let mut interrupt = lan9252.interrupt();
-        world.spawn(async move {
-            serve(place, None, driver, async || interrupt.wait_for_high().await.unwrap()).await;
-        });
+        let lan9252 = serve_at(world, rig, &line, Timing::USUAL);
         // Until the controller is found.
         world.run_for(Duration::from_secs(2));
         with_master(world, cable(line.clone()), async |dispatcher| {

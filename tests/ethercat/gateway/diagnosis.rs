@@ -2,22 +2,11 @@
 
 use std::collections::BTreeMap;
 
-use embassy_time::Timer;
-use ethercat_description::esi;
-use ethercat_subdevice::device::Device as Description;
-use mobgate::fieldbus::{DEVICE, GatewayObjects};
-use mobgate::language::apply;
-use mobgate::settings::Settings;
-use mobgate_simulator::fault::When;
-use mobgate_simulator::sub_device::Group;
-use mobgate_simulator::{Device, Fault, Faults};
-use roxmltree::Document;
+use mobgate_simulator::Device;
 
 use super::bench::with_wire;
-use crate::bench::{INIT, PRE_OP, Rig, gateway_objects};
 use crate::esi::builder::{number, text};
-
-static GATEWAY: Description = DEVICE;
+use crate::prelude::*;
 
 const SETTINGS: &str = "port bus serial uart1 rtu client 19200 8E1 timeout 100ms
     port ecat ethercat
@@ -26,8 +15,7 @@ const MESSAGE_BYTES: usize = 25;
 
 /// The texts of the ESI file, by their numbers.
 fn texts() -> BTreeMap<u16, String> {
-    let mut file = String::new();
-    esi::write(&GATEWAY, &mut file).unwrap();
+    let file = esi_of(&GATEWAY);
     let document = Document::parse(&file).unwrap();
     let messages = document.descendants().filter(|node| node.has_tag_name("DiagMessage"));
     messages.map(|node| (number(text(node, "TextId")) as u16, text(node, "MessageText").to_owned())).collect()
@@ -75,20 +63,16 @@ fn statement_60_the_history_tells_of_devices_that_are_silent_answer_again_and_re
         for sub in 6..9 {
             messages.push(shown(&gateway.sdo_read::<[u8; MESSAGE_BYTES]>(0x10f3, sub).await.unwrap()));
         }
+        let expected = [
+            (2, "Modbus slave 0 does not answer"),
+            (0, "Modbus slave 0 answers again"),
+            (1, "Modbus slave 0 refuses a request by exception 4"),
+        ];
         let texts = messages.iter().map(|(severity, _, text)| (*severity, text.as_str()));
-        assert_eq!(
-            texts.collect::<Vec<_>>(),
-            [
-                (2, "Modbus slave 0 does not answer"),
-                (0, "Modbus slave 0 answers again"),
-                (1, "Modbus slave 0 refuses a request by exception 4"),
-            ]
-        );
-        let [silent, back, _] = [0, 1, 2].map(|nth| messages[nth].1);
-        assert!(
-            (before..before + 2_000).contains(&silent) && back >= silent + 10_000,
-            "{before}: {messages:?}"
-        );
+        assert!(texts.eq(expected), "{messages:?}");
+        let (silent, back) = (messages[0].1, messages[1].1);
+        let in_time = (before..before + 2_000).contains(&silent) && back >= silent + 10_000;
+        assert!(in_time, "{before}: {messages:?}");
         assert_eq!(gateway.sdo_read::<u8>(0x10f3, 4).await.unwrap(), 0, "the newest one was read");
         gateway.sdo_write(0x10f3, 3, 8_u8).await.unwrap();
         assert_eq!(gateway.sdo_read::<u8>(0x10f3, 3).await.unwrap(), 8);
@@ -103,15 +87,9 @@ fn refuse(rig: &mut Rig<GatewayObjects<'static>>, count: u16) {
     assert_eq!(rig.sdo(&[0x2b, 0x05, 0x20, 1, 1, 0, 0, 0]), Err(0x0604_0043));
 }
 
-fn rig() -> Rig<GatewayObjects<'static>> {
-    let mut rig = Rig::with_application(&GATEWAY, gateway_objects());
-    rig.bring_to(PRE_OP);
-    rig
-}
-
 #[test]
 fn statement_60_a_refused_configuration_is_told_and_wrong_acknowledgements_are_refused() {
-    let mut rig = rig();
+    let mut rig = gateway_in(PRE_OP);
     refuse(&mut rig, 500);
     let (severity, _, text) = shown(&rig.upload(0x10f3, 6).unwrap());
     assert_eq!((severity, &*text), (2, "The configuration is refused: object 2006h says why"));
@@ -129,7 +107,7 @@ fn statement_60_a_refused_configuration_is_told_and_wrong_acknowledgements_are_r
 
 #[test]
 fn statement_60_messages_are_sent_as_emergencies_to_whom_wants_them() {
-    let mut rig = rig();
+    let mut rig = gateway_in(PRE_OP);
     refuse(&mut rig, 500);
     rig.pass(100);
     assert_eq!(rig.receive(), None, "nobody wants them after power-on");

@@ -2,11 +2,9 @@
 
 use std::collections::HashSet;
 
-use embassy_time::Duration;
-use mobgate_simulator::random::each_seed;
-
 use super::bench::{SETUP, Setup, with_devices};
 use super::matrix::{COMBINATIONS, combination, exchange, exchanges, sum};
+use crate::prelude::*;
 
 #[test]
 fn the_four_devices_are_configured_by_sdo_and_every_byte_is_that_of_the_vectors() {

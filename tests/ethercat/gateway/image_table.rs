@@ -2,12 +2,11 @@
 
 use std::net::Ipv4Addr;
 
-use embassy_time::{Duration, Timer};
+use mobgate_simulator::Device;
 use mobgate_simulator::client::Answer;
-use mobgate_simulator::fault::When;
-use mobgate_simulator::{Device, Fault, Faults};
 
 use super::bench::with_rig;
+use crate::prelude::*;
 
 const SETTINGS: &str = "port bus serial uart1 rtu client 19200 8E1 timeout 100ms
     port ecat ethercat
@@ -33,11 +32,8 @@ fn a_client_reads_the_process_image_with_state_and_age_from_the_own_unit() {
         };
         Timer::after_secs(1).await;
         let image: Vec<u16> = read(0xe000, 3).await.unwrap();
-        assert_eq!(
-            image,
-            [0x0102, 0x0304, 0],
-            "two registers of the one, one of the other, which never answered"
-        );
+        let expected = [0x0102, 0x0304, 0];
+        assert_eq!(image, expected, "two registers of the one, one of the other, which never answered");
         assert_eq!(read(0xe200, 2).await, Some(vec![0, 0]), "no MainDevice has given outputs");
         let states = read(0xe400, 6).await.unwrap();
         assert_eq!(states[0] & 3, 1, "well");

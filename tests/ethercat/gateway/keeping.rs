@@ -1,24 +1,16 @@
 //! The configuration survives a restart: saved on the MainDevice's command, or at the console, as lines of the settings.
 
-use std::cell::{Cell, RefCell};
-use std::rc::Rc;
+use std::cell::Cell;
 
 use embassy_futures::join::join;
-use embassy_futures::select::{Either, select};
-use embassy_time::{Duration, Instant, Timer};
-use ethercat_subdevice::coe::abort::Abort;
-use ethercrab::error::{Error, MailboxError};
-use mobgate::fieldbus::GatewayObjects;
 use mobgate::gateway::Gateway;
 use mobgate::gateway::saved::write_store;
 use mobgate::hal::{Store, StoreError};
-use mobgate::settings::Settings;
-use mobgate_simulator::rig::with_gateway;
-use mobgate_simulator::sub_device::Group;
 
 use super::bench::{Bench, MS, SETUP, with_devices, with_wire};
 use super::objects::{SETTINGS, layout, read, reason, with_objects, write};
 use super::virtual_devices::{Virtual, virtual_devices};
+use crate::prelude::*;
 
 const SAVE: u32 = 0x6576_6173;
 const LOAD: u32 = 0x6461_6f6c;
@@ -88,10 +80,8 @@ fn statement_56_a_configuration_is_saved_on_command_while_process_data_go_on_and
         with_store(gateway, &store, save_in_op(&bench)).await;
     });
     let text = store.saved().expect("it was saved");
-    assert!(
-        text.contains("\nslave 0 unit 232 coil 10 count 18 discrete 10010 count 3 input 30010 count 6"),
-        "{text}"
-    );
+    let slave = "\nslave 0 unit 232 coil 10 count 18 discrete 10010 count 3 input 30010 count 6";
+    assert!(text.contains(slave), "{text}");
 
     // The power comes back.
     with_gateway(1, &text, |world, rig| {
@@ -138,12 +128,8 @@ fn statement_56_what_cannot_be_saved_is_aborted() {
     with_devices(SETUP, async |bench| {
         let group = bench.dispatcher.to_pre_op().await.unwrap();
         let gateway = group.subdevice(bench.dispatcher.master, 0).unwrap();
-        let code = |refused| match refused {
-            Err(Error::Mailbox(MailboxError::Aborted { code, .. })) => u32::from(code),
-            other => panic!("{other:?}"),
-        };
         let nobody = gateway.sdo_write(0x1010, 1, SAVE).await;
-        assert_eq!(code(nobody), 0x0800_0020, "nobody has a store");
+        assert_eq!(abort_code(nobody), Some(0x0800_0020), "nobody has a store");
     });
     let store = SlowStore::failing(1);
     with_wire(115_200, SETTINGS, Vec::new(), async |dispatcher, gateway| {
@@ -153,10 +139,20 @@ fn statement_56_what_cannot_be_saved_is_aborted() {
             device.sdo_write(0x2005, 1, 1_u16).await.unwrap();
             let begin = Instant::now();
             let refused = device.sdo_write(0x1010, 1, SAVE).await;
-            assert!(matches!(refused, Err(Error::Mailbox(MailboxError::Aborted { code, .. })) if u32::from(code) == 0x0800_0020));
+            assert_eq!(abort_code(refused), Some(0x0800_0020));
             assert!(begin.elapsed() >= SLOW);
-            assert_eq!(device.sdo_read::<[u8; 25]>(0x10f3, 6).await.unwrap()[6], 5, "and it is in the history");
-            assert!(device.sdo_read::<[u8; 48]>(0x2006, 0).await.unwrap().starts_with(b"the settings could not be saved"));
+            assert_eq!(
+                device.sdo_read::<[u8; 25]>(0x10f3, 6).await.unwrap()[6],
+                5,
+                "and it is in the history"
+            );
+            assert!(
+                device
+                    .sdo_read::<[u8; 48]>(0x2006, 0)
+                    .await
+                    .unwrap()
+                    .starts_with(b"the settings could not be saved")
+            );
         })
         .await;
     });

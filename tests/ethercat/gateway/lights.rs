@@ -1,21 +1,10 @@
 //! The RUN and ERR lights, as the console and the lamps of a board show them.
 
-use std::cell::RefCell;
-use std::rc::Rc;
-
-use embassy_time::{Duration, Instant};
-use ethercat_subdevice::device::Device;
 use ethercat_subdevice::indicators::{Lamps, Pattern};
-use ethercat_subdevice::sub_device::SubDevice;
-use mobgate::fieldbus::{DEVICE, GatewayObjects};
 use mobgate_simulator::console::typed;
-use mobgate_simulator::rig::with_gateway;
-use mobgate_simulator::sub_device::{cable, direct, line_of, spawn, with_master};
 
 use super::objects::SETTINGS;
-use crate::bench::{ERROR, INIT, OP, PRE_OP, Rig, SAFE_OP, gateway_objects};
-
-static GATEWAY: Device = DEVICE;
+use crate::prelude::*;
 
 /// Each change of the lamps: milliseconds, RUN, ERR.
 #[derive(Clone, Default)]
@@ -74,10 +63,8 @@ fn statement_61_lamps_that_have_other_uses_are_left_to_them_until_there_is_a_con
             let begin = Instant::now();
             assert!(world.run_until(place.light_for(&mut lamps, half_a_second)));
             assert_eq!(begin.elapsed(), half_a_second);
-            assert!(
-                seen.0.borrow().iter().filter(|(_, run, error)| *run && !error).count() >= 1,
-                "RUN blinks"
-            );
+            let blinks = seen.0.borrow().iter().filter(|(_, run, error)| *run && !error).count() >= 1;
+            assert!(blinks, "RUN blinks");
         });
     }
 }
@@ -103,10 +90,8 @@ fn statement_61_lamps_follow_in_the_times_of_etg_1300_and_the_console_says_the_s
         world.run_for(Duration::from_secs(2));
         let changes = seen.0.borrow().clone();
         assert_eq!(changes.len(), 10, "{changes:?}");
-        assert!(
-            changes.is_sorted() && changes.windows(2).all(|two| two[1].0 - two[0].0 == 200),
-            "{changes:?}"
-        );
+        let is_even = changes.is_sorted() && changes.windows(2).all(|two| two[1].0 - two[0].0 == 200);
+        assert!(is_even, "{changes:?}");
         assert!(changes.windows(2).all(|two| two[0].1 != two[1].1) && changes.iter().all(|change| !change.2));
     });
 }

@@ -1,11 +1,10 @@
 //! The line of the port, which the MainDevice and the settings can both set: who was last, and that it can be seen.
 
-use embassy_time::Duration;
-use mobgate::fieldbus::{GatewayObjects, LineWriter};
+use mobgate::fieldbus::LineWriter;
 use mobgate_simulator::console::typed;
-use mobgate_simulator::rig::with_gateway;
 
 use super::objects::{SETTINGS, read_bytes, write};
+use crate::prelude::*;
 
 #[test]
 fn whoever_set_the_line_last_wins_and_is_shown() {
@@ -16,10 +15,8 @@ fn whoever_set_the_line_last_wins_and_is_shown() {
         let mut set_by = || read_bytes(&mut objects, 0x200a, 0)[0];
         assert_eq!((place.line_writer(), set_by()), (LineWriter::Settings, 0));
         let shown = world.run_until(typed(rig.gateway, "show ports\n"));
-        assert!(
-            shown.lines().any(|row| row.starts_with("bus ") && row.ends_with("19200 8E1    open")),
-            "{shown}"
-        );
+        let is_open = shown.lines().any(|row| row.starts_with("bus ") && row.ends_with("19200 8E1    open"));
+        assert!(is_open, "{shown}");
 
         let mut objects = GatewayObjects::new(place);
         for (sub, value) in [(1, 38_400), (2, 0), (3, 0), (4, 1)] {
@@ -34,10 +31,8 @@ fn whoever_set_the_line_last_wins_and_is_shown() {
         assert!(shown.contains("rtu client 38400 8N2\n"), "{shown}");
 
         let shown = world.run_until(typed(rig.gateway, "edit port bus 9600 8O1\nshow ports\n"));
-        assert!(
-            shown.starts_with("warning: the line of the ethercat port: set here, EtherCAT had 38400 8N2\n"),
-            "{shown}"
-        );
+        let warning = "warning: the line of the ethercat port: set here, EtherCAT had 38400 8N2\n";
+        assert!(shown.starts_with(warning), "{shown}");
         world.run_for(Duration::from_millis(1));
         let shown = world.run_until(typed(rig.gateway, "edit port ecat on-loss hold\nshow ports\n"));
         assert!(!shown.contains("warning"), "it has been said: {shown}");

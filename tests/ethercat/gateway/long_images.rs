@@ -1,13 +1,10 @@
 //! More slaves than four, and images longer than 120 bytes, by PDOs that are assigned.
 
-use embassy_time::{Instant, Timer};
-use ethercrab::error::{Error, MailboxError};
 use ethercrab::subdevice_group::PreOp;
 use mobgate_simulator::Device;
-use mobgate_simulator::esc::Kind;
-use mobgate_simulator::sub_device::{Dispatcher, Group};
 
-use super::bench::{MS, with_long_wire, with_wire};
+use super::bench::{MS, cycle_for, to_op, with_long_wire, with_wire};
+use crate::prelude::*;
 
 const SETTINGS: &str = "port bus serial uart1 rtu client 115200 8E1
     port ecat ethercat
@@ -19,13 +16,22 @@ fn devices() -> Vec<Device> {
     (1..=SLAVES as u8).map(Device::new).collect()
 }
 
-/// Each slave has 32 coils and six holding registers: 16 bytes each way.
-async fn configure(dispatcher: &Dispatcher<'_>, group: &Group<PreOp>) -> Result<(), ethercrab::error::Error> {
+/// Sub-indices and values that are the same in each slave: 32 coils and six holding registers are 16 bytes each way.
+const SHORT: &[(u8, u16)] = &[(2, 32), (3, 0), (8, 6), (9, 0)];
+
+/// `slaves` of these cells each.
+async fn configure<const BYTES: usize>(
+    dispatcher: &Dispatcher<'_>,
+    group: &Group<PreOp, BYTES>,
+    slaves: u16,
+    cells: impl Fn(u16) -> &'static [(u8, u16)],
+) -> Result<(), Error> {
     let gateway = group.subdevice(dispatcher.master, 0).unwrap();
-    gateway.sdo_write(0x2000, 1, SLAVES).await?;
-    for nth in 0..SLAVES {
-        for (sub, value) in [(1, nth + 1), (2, 32), (3, 0), (8, 6), (9, 0)] {
-            gateway.sdo_write(0x2100 + nth, sub, value).await?;
+    gateway.sdo_write(0x2000, 1, slaves).await?;
+    for nth in 0..slaves {
+        gateway.sdo_write(0x2100 + nth, 1, nth + 1).await?;
+        for (sub, value) in cells(nth) {
+            gateway.sdo_write(0x2100 + nth, *sub, *value).await?;
         }
         gateway.sdo_write(0x2100 + nth, 10, 500_u32).await?;
     }
@@ -43,23 +49,15 @@ fn thirty_two_slaves_exchange_512_bytes_each_way() {
     with_wire(BAUD, SETTINGS, devices(), async |dispatcher, gateway| {
         let group = dispatcher.to_pre_op().await.unwrap();
         assign(&dispatcher, &group, &[0x1601, 0x1602, 0x1603], &[0x1a01, 0x1a04, 0x1a05, 0x1a06]).await;
-        configure(&dispatcher, &group).await.unwrap();
+        configure(&dispatcher, &group, SLAVES, |_| SHORT).await.unwrap();
         let device = group.subdevice(dispatcher.master, 0).unwrap();
         let last = device.sdo_read::<u16>(0x2140 + 31, 6).await.unwrap();
         assert_eq!(last, 511, "the last input byte");
-        let group = group.into_safe_op(dispatcher.master).await.unwrap();
         let image: Vec<u8> = (0..512_usize).map(|byte| (byte * 7 % 251) as u8).collect();
+        let group = to_op(&dispatcher, group, &image, 2 * MS).await;
+        cycle_for(&dispatcher, &group, 3_000 * MS, 2 * MS).await;
         let device = group.subdevice(dispatcher.master, 0).unwrap();
         assert_eq!((device.outputs_raw().len(), device.inputs_raw().len()), (512, 512 + 64));
-        device.outputs_raw_mut().copy_from_slice(&image);
-        group.tx_rx(dispatcher.master).await.unwrap();
-        let group = group.request_into_op(dispatcher.master).await.unwrap();
-        let begin = Instant::now();
-        while begin.elapsed() < 3_000 * MS {
-            group.tx_rx(dispatcher.master).await.unwrap();
-            Timer::after_millis(2).await;
-        }
-        let device = group.subdevice(dispatcher.master, 0).unwrap();
         assert_eq!(device.inputs_raw()[..512], image, "every byte is read back");
         let states = device.inputs_raw()[512..].to_vec();
         for (nth, state) in states.as_chunks::<2>().0.iter().enumerate() {
@@ -77,7 +75,7 @@ fn an_image_longer_than_the_assigned_pdos_is_refused_where_it_is_found() {
         let place = gateway.ethercat().unwrap();
         let group = dispatcher.to_pre_op().await.unwrap();
         // 120 bytes each way.
-        assert!(configure(&dispatcher, &group).await.is_err());
+        assert!(configure(&dispatcher, &group, SLAVES, |_| SHORT).await.is_err());
         assert!(!place.is_running());
         let device = group.subdevice(dispatcher.master, 0).unwrap();
         let reason = device.sdo_read::<[u8; 48]>(0x2006, 0).await.unwrap();
@@ -98,28 +96,8 @@ const LONG_OUTPUTS: [u16; 5] = [0x1601, 0x1602, 0x1603, 0x1604, 0x1605];
 const LONG_INPUTS: [u16; 5] = [0x1a01, 0x1a04, 0x1a05, 0x1a07, 0x1a08];
 
 /// Each slave has 24 holding registers, the last one 23: 1486 bytes each way.
-async fn configure_long<const BYTES: usize>(
-    dispatcher: &Dispatcher<'_>,
-    group: &Group<PreOp, BYTES>,
-) -> Result<(), ethercrab::error::Error> {
-    let gateway = group.subdevice(dispatcher.master, 0).unwrap();
-    gateway.sdo_write(0x2000, 1, 31_u16).await?;
-    for nth in 0..31_u16 {
-        let registers = if nth == 30 { 23_u16 } else { 24 };
-        for (sub, value) in [(1, nth + 1), (8, registers)] {
-            gateway.sdo_write(0x2100 + nth, sub, value).await?;
-        }
-        gateway.sdo_write(0x2100 + nth, 10, 500_u32).await?;
-    }
-    gateway.sdo_write(0x2005, 1, 1_u16).await
-}
-
-/// What the MainDevice is told that a write was aborted with.
-fn abort_code(outcome: Result<(), ethercrab::error::Error>) -> Option<u32> {
-    match outcome {
-        Err(Error::Mailbox(MailboxError::Aborted { code, .. })) => Some(code.into()),
-        _ => None,
-    }
+fn long(nth: u16) -> &'static [(u8, u16)] {
+    if nth == 30 { &[(8, 23)] } else { &[(8, 24)] }
 }
 
 #[test]
@@ -142,7 +120,7 @@ fn what_the_controllers_memory_does_not_hold_is_refused_with_its_reason() {
             if taken > 0 {
                 device.sdo_write_array(0x1c13, &LONG_INPUTS[..taken]).await.unwrap();
             }
-            assert!(configure_long(&dispatcher, &group).await.is_err());
+            assert!(configure(&dispatcher, &group, 31, long).await.is_err());
             assert!(!gateway.ethercat().unwrap().is_running());
             let told = device.sdo_read::<[u8; 48]>(0x2006, 0).await.unwrap();
             assert!(told.starts_with(reason.as_bytes()), "{}", told.escape_ascii());
@@ -157,20 +135,12 @@ fn thirty_one_slaves_exchange_1486_bytes_behind_a_controller_with_the_memory() {
         let device = group.subdevice(dispatcher.master, 0).unwrap();
         device.sdo_write_array(0x1c12, LONG_OUTPUTS).await.unwrap();
         device.sdo_write_array(0x1c13, LONG_INPUTS).await.unwrap();
-        configure_long(&dispatcher, &group).await.unwrap();
-        let group = group.into_safe_op(dispatcher.master).await.unwrap();
+        configure(&dispatcher, &group, 31, long).await.unwrap();
         let image: Vec<u8> = (0..1_500_usize).map(|byte| (byte * 7 % 251) as u8).collect();
+        let group = to_op(&dispatcher, group, &image, 4 * MS).await;
+        cycle_for(&dispatcher, &group, 4_000 * MS, 4 * MS).await;
         let device = group.subdevice(dispatcher.master, 0).unwrap();
         assert_eq!((device.outputs_raw().len(), device.inputs_raw().len()), (1_500, 1_486));
-        device.outputs_raw_mut().copy_from_slice(&image);
-        group.tx_rx(dispatcher.master).await.unwrap();
-        let group = group.request_into_op(dispatcher.master).await.unwrap();
-        let begin = Instant::now();
-        while begin.elapsed() < 4_000 * MS {
-            group.tx_rx(dispatcher.master).await.unwrap();
-            Timer::after_millis(4).await;
-        }
-        let device = group.subdevice(dispatcher.master, 0).unwrap();
         assert_eq!(device.inputs_raw()[..], image[..1_486], "every byte is read back");
         // The same by SDO, where an object has only a part of it.
         assert_eq!(device.sdo_read::<[u8; 8]>(0x2023, 64).await.unwrap(), image[504..512]);
@@ -191,27 +161,15 @@ fn values_of_32_bits_stand_with_the_high_byte_first_whatever_order_their_device_
     with_wire(BAUD, &settings, vec![device.clone()], async |dispatcher, _| {
         let group = dispatcher.to_pre_op().await.unwrap();
         assign(&dispatcher, &group, &[0x1601, 0x1602, 0x1603], &[0x1a01, 0x1a04, 0x1a05]).await;
-        let group = group.into_safe_op(dispatcher.master).await.unwrap();
-        let gateway = group.subdevice(dispatcher.master, 0).unwrap();
         let values = (0..64_u32).map(|nth| 0x0102_0304 * (nth + 1));
         let image: Vec<u8> = values.clone().flat_map(u32::to_be_bytes).collect();
-        gateway.outputs_raw_mut()[..256].copy_from_slice(&image);
-        group.tx_rx(dispatcher.master).await.unwrap();
-        let group = group.request_into_op(dispatcher.master).await.unwrap();
-        let begin = Instant::now();
-        while begin.elapsed() < 1_000 * MS {
-            group.tx_rx(dispatcher.master).await.unwrap();
-            Timer::after_millis(2).await;
-        }
+        let group = to_op(&dispatcher, group, &image, 2 * MS).await;
+        cycle_for(&dispatcher, &group, 1_000 * MS, 2 * MS).await;
         for (nth, value) in values.enumerate() {
             let words = [value as u16, (value >> 16) as u16];
-            assert_eq!(
-                device.memory().holding[2 * nth..2 * nth + 2],
-                words,
-                "value {nth}: the low word first"
-            );
+            let read = device.memory().holding[2 * nth..2 * nth + 2].to_vec();
+            assert_eq!(read, words, "value {nth}: the low word first");
         }
-        let gateway = group.subdevice(dispatcher.master, 0).unwrap();
-        assert_eq!(gateway.inputs_raw()[..256], image);
+        assert_eq!(group.subdevice(dispatcher.master, 0).unwrap().inputs_raw()[..256], image);
     });
 }

@@ -76,9 +76,6 @@ pub(crate) struct Longest {
 }
 
 /// Changes values on both sides at random times.
-///
-/// # Panics
-/// When a change is not seen in time.
 pub(crate) fn exchange(setup: Setup) -> Longest {
     let Limits { input: limit, back } = Limits::of(setup);
     let mut longest = Longest::default();

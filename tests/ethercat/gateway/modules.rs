@@ -1,20 +1,15 @@
 //! The modular gateway: Modbus devices as modules in slots, configured by a start-up list, with typed values.
 
-use ethercat_subdevice::device::Device;
-use ethercat_subdevice::sync_manager::Channel;
-use mobgate::fieldbus::{GatewayObjects, LONG_MODULAR, MODULAR};
-use mobgate_simulator::Random;
-use mobgate_simulator::esc::Command;
-use mobgate_simulator::sub_device::direct;
+use mobgate::fieldbus::{LONG_MODULAR, MODULAR};
 
 use super::bench::MS;
-use crate::bench::{ERROR, LOGICAL, OP, PRE_OP, Rig, SAFE_OP, place_with};
 use crate::information::{ask, list};
+use crate::prelude::*;
 
 static GATEWAY: Device = MODULAR;
 pub(super) const SLAVES: u16 = 32;
 
-type Objects = GatewayObjects<'static>;
+pub(super) type Objects = GatewayObjects<'static>;
 /// Index, sub-index and value of each SDO.
 pub(super) type List = Vec<(u16, u8, Vec<u8>)>;
 
@@ -102,7 +97,7 @@ pub(super) fn start_up_list(modules: &[Module]) -> List {
     [(0x2000, 1, count)].into_iter().chain(of_modules).collect()
 }
 
-fn send(rig: &mut Rig<Objects>, list: &[(u16, u8, Vec<u8>)]) {
+pub(super) fn send(rig: &mut Rig<Objects>, list: &[(u16, u8, Vec<u8>)]) {
     for (index, sub, value) in list {
         assert_eq!(rig.download(*index, *sub, value), Ok(()), "{index:04x}:{sub:02x}");
     }

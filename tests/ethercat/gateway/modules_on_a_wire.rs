@@ -1,15 +1,11 @@
 //! 32 Modbus devices of mixed types on a wire, as modules of the gateway, with ethercrab as its MainDevice.
 
-use embassy_time::{Duration, Instant, Timer};
-use ethercat_subdevice::sync_manager::Channel;
 use ethercrab::subdevice_group::{Op, PreOp};
-use mobgate_simulator::esc::Kind;
-use mobgate_simulator::sub_device::{Dispatcher, Group};
-use mobgate_simulator::{Device, Random};
+use mobgate_simulator::Device;
 
-use super::bench::{with_long_wire, with_rig, with_wire};
+use super::bench::{to_op, with_long_wire, with_rig, with_wire};
 use super::modules::{List, Module, SLAVES, TYPE_BYTES, modules, start_up_list};
-use crate::bench::at_most;
+use crate::prelude::*;
 
 const BAUD: u32 = 115_200;
 const SETTINGS: &str = "port bus serial uart1 rtu client 115200 8E1 timeout 1s
@@ -104,18 +100,6 @@ async fn send(dispatcher: &Dispatcher<'_>, group: &Group<PreOp>, list: &List) {
     }
 }
 
-async fn to_op(dispatcher: &Dispatcher<'_>, group: Group<PreOp>, outputs: &[u8]) -> Group<Op> {
-    let group = group.into_safe_op(dispatcher.master).await.unwrap();
-    let gateway = group.subdevice(dispatcher.master, 0).unwrap();
-    gateway.outputs_raw_mut().copy_from_slice(outputs);
-    group.tx_rx(dispatcher.master).await.unwrap();
-    let group = group.request_into_op(dispatcher.master).await.unwrap();
-    while !group.tx_rx(dispatcher.master).await.unwrap().all_op() {
-        Timer::after(CYCLE).await;
-    }
-    group
-}
-
 /// Each value by SDO, as the entry of its type.
 async fn check_entries(dispatcher: &Dispatcher<'_>, group: &Group<Op>, modules: &[Module]) -> usize {
     let gateway = group.subdevice(dispatcher.master, 0).unwrap();
@@ -149,7 +133,6 @@ async fn check_entries(dispatcher: &Dispatcher<'_>, group: &Group<Op>, modules: 
     checked
 }
 
-/// The devices of `modules`.
 fn devices(modules: &[Module]) -> Vec<Device> {
     modules.iter().enumerate().map(|(slot, module)| device(module, slot)).collect()
 }
@@ -170,11 +153,11 @@ async fn start_twice(dispatcher: Dispatcher<'_>, modules: &[Module], counter: u1
         // Nine bits with an even parity, as the line has it.
         list.extend([(0x2020, 2, vec![1, 0]), (0x2020, 3, vec![2, 0])]);
         send(&dispatcher, &group, &list).await;
-        let group = to_op(&dispatcher, group, &outputs).await;
+        let group = to_op(&dispatcher, group, &outputs, CYCLE).await;
+        assert_eq!(group.subdevice(dispatcher.master, 0).unwrap().outputs_raw().len(), outputs.len());
         let begin = Instant::now();
         while begin.elapsed() < ROUNDS {
-            let seen = group.tx_rx(dispatcher.master).await.unwrap();
-            assert_eq!(seen.working_counter, counter);
+            assert_eq!(group.tx_rx(dispatcher.master).await.unwrap().working_counter, counter);
             Timer::after(CYCLE).await;
         }
         let read = group.subdevice(dispatcher.master, 0).unwrap().inputs_raw().to_vec();
@@ -210,8 +193,7 @@ fn long_modules() -> Vec<Module> {
 #[test]
 fn thirty_two_modules_have_more_than_512_bytes_behind_a_controller_with_the_memory() {
     let modules = long_modules();
-    let lengths = [outputs, inputs].map(|part| all(&modules, part).len());
-    assert_eq!(lengths, [664, 1_164]);
+    assert_eq!([outputs, inputs].map(|part| all(&modules, part).len()), [664, 1_164]);
     with_long_wire(Kind::IP_CORE, BAUD, SETTINGS, devices(&modules), async |dispatcher, _| {
         // Two frames: one writes and reads, the other one reads the rest.
         start_twice(dispatcher, &modules, 4).await;
@@ -226,7 +208,7 @@ fn modules_that_are_exchanged_stay_until_the_main_device_has_left_them() {
         type_line("slave 0 unit 1 discrete 0 count 8").unwrap();
         let group = dispatcher.to_pre_op().await.unwrap();
         type_line("slave 0 unit 1 discrete 0 count 16").unwrap();
-        let group = to_op(&dispatcher, group, &[]).await;
+        let group = to_op(&dispatcher, group, &[], CYCLE).await;
         assert_eq!(group.subdevice(dispatcher.master, 0).unwrap().inputs_raw().len(), 4);
         let refused = type_line("slave 0 unit 1 discrete 0 count 24").unwrap_err();
         assert_eq!(refused, "the modules are in use by the MainDevice");

@@ -1,9 +1,9 @@
 //! The gateway's objects without a chip: values are read and written as SDO does it.
 
-use ethercat_subdevice::application::{Address, Application};
-use ethercat_subdevice::coe::abort::Abort;
-use mobgate::fieldbus::{EthercatState, GatewayObjects, REASON_BYTES};
-use mobgate_simulator::rig::with_gateway;
+use ethercat_subdevice::application::Address;
+use mobgate::fieldbus::REASON_BYTES;
+
+use crate::prelude::*;
 
 pub(crate) const SETTINGS: &str = "port bus serial uart1 rtu client 19200 8E1
     port ecat ethercat

@@ -2,13 +2,11 @@
 
 use std::net::Ipv4Addr;
 
-use embassy_time::Timer;
-use ethercat_subdevice::coe::abort::Abort;
-use ethercrab::error::{Error, MailboxError};
 use mobgate_simulator::Device;
 use mobgate_simulator::client::Answer;
 
 use super::bench::with_rig;
+use crate::prelude::*;
 
 const SETTINGS: &str = "port bus serial uart1 rtu client 19200 8E1 timeout 100ms
     port ecat ethercat
@@ -24,8 +22,7 @@ const SETTINGS: &str = "port bus serial uart1 rtu client 19200 8E1 timeout 100ms
     point set local holding 100 of ao";
 
 fn aborted(result: Result<(), Error>, abort: Abort) {
-    let Err(Error::Mailbox(MailboxError::Aborted { code, .. })) = result else { panic!("{result:?}") };
-    assert_eq!(u32::from(code), abort as u32, "{abort:?}");
+    assert_eq!(abort_code(result), Some(abort as u32), "{abort:?}");
 }
 
 #[test]

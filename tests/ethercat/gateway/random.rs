@@ -2,13 +2,8 @@
 
 use std::collections::BTreeSet;
 
-use ethercat_subdevice::application::Application;
-use ethercat_subdevice::coe::abort::Abort;
-use ethercat_subdevice::sync_manager::Channel;
-use mobgate::fieldbus::GatewayObjects;
-use mobgate_simulator::Random;
-
 use super::objects::{configure_at, layout, read, reason, with_objects, write};
+use crate::prelude::*;
 
 const SLAVES: usize = 32;
 
@@ -82,10 +77,8 @@ fn random_configurations_are_taken_over_as_a_model_says_or_not_at_all() {
             let before = place.outputs(<[u8]>::to_vec);
             let taken = write(&mut objects, 0x2005, 1, 1);
             let layouts: Vec<_> = (0..SLAVES as u16).map(|slave| layout(&mut objects, slave)).collect();
-            assert_eq!(
-                (place.is_running(), read(&mut objects, 0x2005, 2)),
-                (taken.is_ok(), taken.is_ok().into())
-            );
+            let in_use = (place.is_running(), read(&mut objects, 0x2005, 2));
+            assert_eq!(in_use, (taken.is_ok(), taken.is_ok().into()));
             match model(&slaves, room) {
                 Some(mut expected) => {
                     assert_eq!(taken, Ok(()), "{room:?} {slaves:?}");
@@ -106,8 +99,6 @@ fn random_configurations_are_taken_over_as_a_model_says_or_not_at_all() {
             }
         }
     });
-    assert!(
-        good > 300 && bad > 300 && long > 50 && many > 10,
-        "{good} good, {bad} bad, {long} long, {many} many"
-    );
+    let are_enough = good > 300 && bad > 300 && long > 50 && many > 10;
+    assert!(are_enough, "{good} good, {bad} bad, {long} long, {many} many");
 }

@@ -1,12 +1,10 @@
 //! What the inputs of a device become when it does not answer any more, and how a MainDevice sees it.
 
-use embassy_time::Timer;
 use mobgate_simulator::Device;
 use mobgate_simulator::console::typed;
-use mobgate_simulator::fault::When;
-use mobgate_simulator::{Fault, Faults};
 
 use super::bench::with_wire;
+use crate::prelude::*;
 
 const SETTINGS: &str = "port bus serial uart1 rtu client 19200 8E1 timeout 100ms
     port ecat ethercat

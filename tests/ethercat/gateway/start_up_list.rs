@@ -1,17 +1,9 @@
 //! Start-up lists as configuration tools have them: the same SDOs, sent on each way to SafeOp.
 
-use ethercat_subdevice::device::Device;
-use mobgate::fieldbus::{DEVICE, GatewayObjects};
-use mobgate_simulator::Random;
+use super::modules::{List, Objects, send};
+use crate::prelude::*;
 
-use crate::bench::{PRE_OP, Rig, SAFE_OP, gateway_objects};
-
-static GATEWAY: Device = DEVICE;
 const SLAVES: u16 = 32;
-
-type Objects = GatewayObjects<'static>;
-/// Index, sub-index and value of each SDO.
-type List = Vec<(u16, u8, Vec<u8>)>;
 
 fn word(index: u16, sub: u8, value: u16) -> (u16, u8, Vec<u8>) {
     (index, sub, value.to_le_bytes().to_vec())
@@ -41,12 +33,6 @@ fn start_up_list(random: &mut Random) -> List {
     list
 }
 
-fn send(rig: &mut Rig<Objects>, list: &List) {
-    for (index, sub, value) in list {
-        assert_eq!(rig.download(*index, *sub, value), Ok(()), "{index:04x}:{sub:02x}");
-    }
-}
-
 /// What is read back is what was sent, and it is in use.
 fn check(rig: &mut Rig<Objects>, list: &List) {
     let (_, values) = list.split_last().unwrap();
@@ -56,15 +42,9 @@ fn check(rig: &mut Rig<Objects>, list: &List) {
     assert_eq!(rig.upload(0x2005, 2), Ok(vec![1, 0]));
 }
 
-fn rig() -> Rig<Objects> {
-    let mut rig = Rig::with_application(&GATEWAY, gateway_objects());
-    rig.bring_to(PRE_OP);
-    rig
-}
-
 #[test]
 fn statement_57_a_start_up_list_is_accepted_each_time_it_is_sent_and_the_configuration_stays_in_use() {
-    let mut rig = rig();
+    let mut rig = gateway_in(PRE_OP);
     let list = start_up_list(&mut Random::new(1));
     send(&mut rig, &list);
     check(&mut rig, &list);
@@ -81,13 +61,13 @@ fn statement_57_a_start_up_list_is_accepted_each_time_it_is_sent_and_the_configu
 #[test]
 fn statement_57_another_list_opens_a_configuration_and_each_of_its_lengths_can_be_followed_by_the_whole() {
     let mut random = Random::new(2);
-    let mut rig = rig();
+    let mut rig = gateway_in(PRE_OP);
     send(&mut rig, &start_up_list(&mut random));
     for _ in 0..20 {
         let other = start_up_list(&mut random);
         // It breaks off behind the first few SDOs that differ, or anywhere else.
         let cut = 3 + random.index(other.len() - 3);
-        send(&mut rig, &other[..cut].to_vec());
+        send(&mut rig, &other[..cut]);
         let in_use = if cut == other.len() { 1 } else { 0 };
         assert_eq!(rig.upload(0x2005, 2), Ok(vec![in_use, 0]), "cut at {cut}");
         send(&mut rig, &other);
@@ -97,7 +77,7 @@ fn statement_57_another_list_opens_a_configuration_and_each_of_its_lengths_can_b
 
 #[test]
 fn statement_57_in_safe_op_nothing_of_it_can_be_changed() {
-    let mut rig = rig();
+    let mut rig = gateway_in(PRE_OP);
     let list = start_up_list(&mut Random::new(3));
     send(&mut rig, &list);
     rig.set_up_process_data();

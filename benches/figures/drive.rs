@@ -1,11 +1,10 @@
 //! The drive test of thirty days in virtual time: whole, as fast as this machine can.
 
-use embassy_time::Duration;
 use indicatif::{ProgressBar, ProgressStyle};
 use mobgate_simulator::drive::{Conditions, drive};
 
 use crate::line::seconds;
-use crate::{Target, figure};
+use crate::prelude::*;
 
 const DAY: Duration = Duration::from_secs(24 * 60 * 60);
 const DAYS: u32 = 30;

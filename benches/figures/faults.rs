@@ -1,13 +1,8 @@
 //! Random faults, and how many answers were not the response to their request.
 
-use embassy_time::{Duration, Instant, Timer};
-use mobgate_simulator::client::Answer;
 use mobgate_simulator::device::Fresh;
-use mobgate_simulator::fault::When;
-use mobgate_simulator::rig::machine;
-use mobgate_simulator::{Client, Device, Fault, Faults, Random, rig};
 
-use crate::{Target, figure};
+use crate::prelude::*;
 
 const TRIALS: u32 = 10_000;
 /// Where the devices have registers that differ at every read.
@@ -56,9 +51,8 @@ fn run(settings: &str, faults: &[Fault]) -> Trials {
     rig::with_gateway(11, settings, |world, rig| {
         let devices = [1, 2].map(|unit| {
             let chance = When::Chance(0.3 / faults.len() as f64);
-            let rules = faults
-                .iter()
-                .fold(Faults::new(unit.into()), |rules, fault| rules.with(chance.clone(), *fault));
+            let none = Faults::new(unit.into());
+            let rules = faults.iter().fold(none, |rules, fault| rules.with(chance.clone(), *fault));
             Device::new(unit).with_fresh(FRESH).with_faults(rules)
         });
         rig.attach(world, "bus", devices.clone());
@@ -68,13 +62,8 @@ fn run(settings: &str, faults: &[Fault]) -> Trials {
         let mut last_reads = [0; 2];
         for _ in 0..TRIALS {
             let unit = random.index(2);
-            world.run_until(trial(
-                &mut client,
-                unit,
-                random.within(0..=3),
-                &mut last_reads[unit],
-                &mut trials,
-            ));
+            let pause_ms = random.within(0..=3);
+            world.run_until(trial(&mut client, unit, pause_ms, &mut last_reads[unit], &mut trials));
         }
         trials
     })

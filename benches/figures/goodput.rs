@@ -1,13 +1,8 @@
 //! A long run on a line whose device is strict: two frames with less than t3.5 between them it takes for one, which is damaged.
 //! Every request must be answered, and none may come too early.
 
-use embassy_time::{Duration, Instant};
-use mobgate_simulator::client::load::ClosedLoop;
-use mobgate_simulator::rig::machine;
-use mobgate_simulator::{Device, rig};
-
 use crate::line::{Speed, TURNAROUND, read, seconds};
-use crate::{Target, figure};
+use crate::prelude::*;
 
 const CLIENTS: u8 = 8;
 

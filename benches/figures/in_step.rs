@@ -4,18 +4,13 @@
 //! The ideal client is computed and not simulated: on the same line it asks the same kind of device, whose faults have the same
 //! chances, and knows each response as soon as it comes. Nobody else's response costs it anything.
 
-use embassy_time::{Duration, Instant, Timer};
 use mobgate::stats::Event;
-use mobgate_simulator::client::Answer;
 use mobgate_simulator::console::typed;
 use mobgate_simulator::device::Fresh;
-use mobgate_simulator::fault::When;
 use mobgate_simulator::random::chosen;
-use mobgate_simulator::rig::{Rig, machine};
 use mobgate_simulator::world::Task;
-use mobgate_simulator::{Client, Device, Fault, Faults, Random, World, rig};
 
-use crate::{Target, figure};
+use crate::prelude::*;
 
 const TRANSACTIONS: u64 = 1_000_000;
 const TIMEOUT: Duration = Duration::from_millis(100);
@@ -291,10 +286,8 @@ fn is_good(request: &[u8], asked: Instant, answer: &Answer) -> Option<bool> {
     }
     let Answer::Pdu(pdu) = answer else { return Some(false) };
     Some(match *request {
-        [3, 0, 100, 0, 4] => Fresh::from_response(pdu).is_some_and(|fresh| {
-            let age = fresh.at_us.wrapping_sub(asked.as_micros() as u32);
-            age < u32::MAX / 2
-        }),
+        [3, 0, 100, 0, 4] => Fresh::from_response(pdu)
+            .is_some_and(|fresh| fresh.at_us.wrapping_sub(asked.as_micros() as u32) < u32::MAX / 2),
         [function @ (3 | 4), 0, address, 0, count] => {
             let mask = if function == 4 { 0xff } else { 0 };
             let values = (address..).take(count.into()).flat_map(|address| [1 ^ mask, address ^ mask]);
@@ -305,12 +298,15 @@ fn is_good(request: &[u8], asked: Instant, answer: &Answer) -> Option<bool> {
     })
 }
 
+const ONE_LINE: &str = "port bus serial bus rtu client 19200 8E1
+    port P502 tcp server 502
+    route P502 1-247 * * bus
+";
+
 /// A device that always needs longer than the time-out.
 fn slow() {
-    let settings = "port bus serial bus rtu client 19200 8E1 timeout 100ms
-        port P502 tcp server 502
-        route P502 1-247 * * bus";
-    rig::with_gateway(1, settings, |world, rig| {
+    let settings = format!("{ONE_LINE}edit port bus timeout 100ms");
+    rig::with_gateway(1, &settings, |world, rig| {
         let late = Fault::Late(Duration::from_millis(110), Duration::from_millis(300));
         let faults = Faults::new(1).with(When::Always, late);
         rig.attach(world, "bus", [Device::new(1).with_fresh(FRESH).with_faults(faults)]);
@@ -334,10 +330,7 @@ pub(crate) fn behind_a_time_out() {
     // Not the same, or both would share the response that is lost.
     const OTHER: [u8; 5] = [3, 0, 10, 0, 10];
     const ECHO: [u8; 5] = [8, 0, 0, 1, 2];
-    let settings = "port bus serial bus rtu client 19200 8E1
-        port P502 tcp server 502
-        route P502 1-247 * * bus";
-    rig::with_gateway(1, settings, |world, rig| {
+    rig::with_gateway(1, ONE_LINE, |world, rig| {
         let device = Device::new(1);
         rig.attach(world, "bus", [device.clone()]);
         let mut clients = [1, 2].map(|host| rig.client(machine(host), 502));

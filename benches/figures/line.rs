@@ -1,14 +1,9 @@
 //! How much of a line's legal rate the gateway reaches, and what it adds to a transaction.
 
-use embassy_time::{Duration, Instant, Timer};
 use mobgate::settings::LineSettings;
-use mobgate_simulator::client::Answer;
-use mobgate_simulator::client::load::ClosedLoop;
-use mobgate_simulator::rig::machine;
 use mobgate_simulator::timing::{char_bits, t3_5_ns};
-use mobgate_simulator::{Client, Device, Random, rig};
 
-use crate::{Target, figure};
+use crate::prelude::*;
 
 const BAUDS: [u32; 3] = [9_600, 19_200, 115_200];
 /// The device answers so long after it has seen t3.5 of silence.

@@ -20,6 +20,7 @@ mod plot;
 mod points;
 mod ports;
 mod power_cuts;
+mod prelude;
 mod servers;
 mod shared_bus;
 mod sharing;

@@ -4,15 +4,11 @@
 use std::cell::{Cell, RefCell};
 use std::rc::Rc;
 
-use embassy_time::{Duration, Instant};
-use mobgate_simulator::client::Answer;
-use mobgate_simulator::client::load::{ClosedLoop, Latencies};
+use mobgate_simulator::client::load::Latencies;
 use mobgate_simulator::device::Fresh;
-use mobgate_simulator::rig::machine;
-use mobgate_simulator::{Device, rig};
 
 use crate::line::{DISCARDS, Speed, TURNAROUND, seconds};
-use crate::{Target, figure};
+use crate::prelude::*;
 
 const RUN: Duration = Duration::from_secs(60);
 const CLIENTS: u8 = 32;
@@ -61,12 +57,8 @@ fn identical() {
         let transactions = device.counters().requests[3] as f64;
         let legal = 1.0 / speed.period();
         figure("merged_answers_per_s", seen.answers as f64 / seconds(RUN), "/s", Target::AtLeast(4_000.0));
-        figure(
-            "merged_bus_rate",
-            transactions / seconds(RUN),
-            "/s",
-            Target::AtMost((legal * 10.0).round() / 10.0),
-        );
+        let most = Target::AtMost((legal * 10.0).round() / 10.0);
+        figure("merged_bus_rate", transactions / seconds(RUN), "/s", most);
         figure("merged_stale", seen.stale as f64, "answers", Target::AtMost(0.0));
         figure("merged_wrong", seen.wrong as f64, "answers", Target::AtMost(0.0));
         // A request that has just missed a transaction waits for its end and for the next one.

@@ -4,9 +4,7 @@
 //! `direct` is Tstd: from the request's first bit to the response's last one. Through a router it is what the master sees on its own
 //! line. Each figure is the worst of many transactions.
 
-use mobgate_simulator::client::Answer;
-
-use crate::{Target, figure};
+use crate::prelude::*;
 
 mod chain;
 mod formula;
@@ -62,12 +60,8 @@ fn one_router(baud: u32, registers: u8) {
     figure(&format!("direct_{baud}_{registers}"), 1e3 * alone, "ms", Target::None);
     figure(&format!("direct_error_{baud}_{registers}"), 1e6 * (alone - standard), "us", Target::AtMost(1.0));
     let stored = through(&[line, line], registers, "cut off").worst;
-    figure(
-        &format!("stored_{baud}_{registers}"),
-        stored / standard,
-        "x",
-        Target::AtMost(store_and_forward(line, line, registers) / standard),
-    );
+    let bound = store_and_forward(line, line, registers) / standard;
+    figure(&format!("stored_{baud}_{registers}"), stored / standard, "x", Target::AtMost(bound));
     let cut = through(&[line, line], registers, "");
     let formula = cut_through(line, line, registers);
     let bound = (formula + NANOSECONDS) / standard;
@@ -91,12 +85,8 @@ fn pairs_of_speeds() {
         let formula = cut_through(upper, lower, 10);
         let bound = if up == 115_200 && down == 19_200 { 1.02 } else { (formula + NANOSECONDS) / slower };
         figure(&format!("cut_{up}_to_{down}_10"), cut.worst / slower, "x", Target::AtMost(bound));
-        figure(
-            &format!("cut_error_{up}_to_{down}_10"),
-            1e6 * (cut.worst - formula),
-            "us",
-            Target::AtMost(1.0),
-        );
+        let error_us = 1e6 * (cut.worst - formula);
+        figure(&format!("cut_error_{up}_to_{down}_10"), error_us, "us", Target::AtMost(1.0));
         figure(&format!("cut_gaps_{up}_to_{down}_10"), f64::from(cut.gaps), "frames", Target::AtMost(0.0));
     }
 }
@@ -109,12 +99,8 @@ fn routers_in_a_row() {
         figure(&format!("stored_{routers}_routers_19200_10"), stored / standard, "x", Target::None);
         let cut = through(&lines, 10, "");
         figure(&format!("cut_{routers}_routers_19200_10"), cut.worst / standard, "x", Target::AtMost(bound));
-        figure(
-            &format!("cut_gaps_{routers}_routers_19200_10"),
-            f64::from(cut.gaps),
-            "frames",
-            Target::AtMost(0.0),
-        );
+        let name = format!("cut_gaps_{routers}_routers_19200_10");
+        figure(&name, f64::from(cut.gaps), "frames", Target::AtMost(0.0));
     }
 }
 

@@ -1,15 +1,10 @@
 //! Data points: frames and time for the two examples of the note, whose controller needs 35.7 ms and 14.5 ms for them; how
 //! exactly a silent device is tried again; how old values become; and how fast they are given from memory.
 
-use embassy_time::{Duration, Instant, Timer};
 use mobgate::scanner::{DeviceId, RowId, Scanner, Status};
-use mobgate_simulator::client::Answer;
-use mobgate_simulator::fault::When;
-use mobgate_simulator::rig::{Rig, machine, with_gateway};
-use mobgate_simulator::{Device, Fault, Faults, World};
 
 use crate::line::{TURNAROUND, seconds};
-use crate::{Target, figure};
+use crate::prelude::*;
 
 const PLC: &str = "10.0.1.1:502";
 const MS: Duration = Duration::from_millis(1);

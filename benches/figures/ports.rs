@@ -1,13 +1,9 @@
 //! Several saturated lines of one gateway: whether they carry as much together as each for itself, and beside one that is at fault.
 
-use embassy_time::{Duration, Instant};
-use mobgate_simulator::client::load::ClosedLoop;
-use mobgate_simulator::fault::{When, babble};
-use mobgate_simulator::rig::machine;
-use mobgate_simulator::{Device, Fault, Faults, Random, rig};
+use mobgate_simulator::fault::babble;
 
 use crate::line::{Speed, TURNAROUND, read, seconds};
-use crate::{Target, figure};
+use crate::prelude::*;
 
 const RUN: Duration = Duration::from_secs(60);
 const LINES: u8 = 4;
@@ -26,10 +22,8 @@ pub(crate) fn figures() {
     for baud in [9_600, 19_200, 115_200] {
         let legal = seconds(RUN) / Speed::new(baud).period();
         let all = carried(baud, LINES, None);
-        assert!(
-            all.iter().all(|carried| *carried >= SATURATED * legal),
-            "lines of {baud} baud are idle: {all:?}"
-        );
+        let are_busy = all.iter().all(|carried| *carried >= SATURATED * legal);
+        assert!(are_busy, "lines of {baud} baud are idle: {all:?}");
         let ratio = sum(&all) / sum(&carried(baud, 1, None));
         figure(&format!("ports_{LINES}_over_1_{baud}"), ratio, "x", Target::AtLeast(3.98));
         for trouble in [Trouble::Dead, Trouble::Babbling, Trouble::Noise] {

@@ -4,7 +4,7 @@ use mobgate_flash::FlashStore;
 use mobgate_simulator::flash::SimFlash;
 use mobgate_simulator::power_cuts::{Tally, sweep, text};
 
-use crate::{Target, figure};
+use crate::prelude::*;
 
 /// Small, so that the sectors fill up and are erased within a few saves.
 const SECTOR: usize = 16 * 1024;

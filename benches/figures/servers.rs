@@ -1,12 +1,8 @@
 //! Many servers behind one TCP client on a few sockets: whether those that are well are polled on time while others are dead.
 
-use embassy_time::{Duration, Instant, Timer};
-use mobgate_simulator::client::Answer;
 use mobgate_simulator::net::Path;
-use mobgate_simulator::rig::{Rig, machine, with_gateway};
-use mobgate_simulator::{Device, Random, World};
 
-use crate::{Target, figure};
+use crate::prelude::*;
 
 const STATIONS: u8 = 64;
 /// Behind these nobody answers, not even with a refusal.
@@ -91,15 +87,8 @@ fn poll(polls: Polls) -> (f64, Duration, u64) {
     })
 }
 
-fn attach(world: &World<'_>, rig: &Rig<'_>, unit: u8) {
+fn attach<'w>(world: &World<'w>, rig: &Rig<'w>, unit: u8) {
     let address = format!("10.0.1.{unit}:502");
     rig.network.set_path(address.parse().unwrap(), Path { latency: LATENCY, ..Path::default() });
-    let device = Device::new(unit).with_turnaround(ANSWER);
-    let server = rig.network.serve(address.parse().unwrap());
-    world.spawn(mobgate_simulator::device::tcp::serve(
-        server,
-        mobgate_simulator::device::tcp::Stream::Mbap,
-        vec![device],
-        world.spawner(),
-    ));
+    rig.attach_tcp(world, &address, [Device::new(unit).with_turnaround(ANSWER)]);
 }

@@ -1,11 +1,10 @@
 //! A line on which the gateway and two other devices answer one master: whose questions the gateway answers.
 
-use embassy_time::Duration;
 use mobgate::settings::Framing;
 use mobgate_simulator::rig::Size;
 use mobgate_simulator::shared_bus::{Outcome, torture};
 
-use crate::{Target, figure};
+use crate::prelude::*;
 
 const TRANSACTIONS: u32 = 100_000;
 /// As late may the Linux program read.

@@ -1,14 +1,10 @@
 //! What clients and units do to each other: a dead unit beside a healthy one, a polite client among flooders.
 
-use embassy_time::{Duration, Instant, Timer};
-use mobgate_simulator::client::Answer;
-use mobgate_simulator::client::load::{ClosedLoop, Latencies, Load};
-use mobgate_simulator::rig::machine;
+use mobgate_simulator::client::load::{Latencies, Load};
 use mobgate_simulator::world::Task;
-use mobgate_simulator::{Client, Device, Random, Rig, World, rig};
 
 use crate::line::{Speed, read, seconds};
-use crate::{Target, figure};
+use crate::prelude::*;
 
 const FLOODERS: u8 = 31;
 const ASKED: usize = 300;

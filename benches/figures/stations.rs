@@ -3,14 +3,10 @@
 
 use std::collections::BTreeMap;
 
-use embassy_time::{Duration, Instant, Timer};
 use mobgate::scanner::RowId;
-use mobgate_simulator::fault::When;
-use mobgate_simulator::rig::{Rig, with_gateway};
-use mobgate_simulator::{Device, Fault, Faults, World};
 
 use crate::line::seconds;
-use crate::{Target, figure};
+use crate::prelude::*;
 
 const STATIONS: u8 = 6;
 const DEAD: u8 = 3;
@@ -145,7 +141,6 @@ impl Table {
         scan(self.ignored_until() + SCAN)
     }
 
-    /// The word of `row` at this time.
     fn word(&self, row: usize, now: Instant) -> u16 {
         const IN_PROGRESS: u16 = 1 << 0;
         const ENDED_WELL: u16 = 1 << 1;

@@ -1,14 +1,12 @@
 //! The field tools: what `scan` finds on an unknown line and how long it takes, and how near the time-out that `tune` proposes is to
 //! what 999 of 1000 answers need.
 
-use embassy_time::{Duration, Instant};
 use mobgate::settings::{LineSettings, Parity};
 use mobgate_simulator::console::typed;
-use mobgate_simulator::fault::When;
-use mobgate_simulator::{Device, Fault, Faults, device, rig};
+use mobgate_simulator::device;
 
 use crate::line::DISCARDS;
-use crate::{Target, figure};
+use crate::prelude::*;
 
 /// From the end of a request to the first character of its response, besides the device's own time: t3.5 and a character.
 const AROUND_US: f64 = 2_006.0 + 573.0;
@@ -20,21 +18,14 @@ const DRAWS: u64 = 20;
 pub(crate) fn figures() {
     scan();
     let ms = Duration::from_millis;
+    let sometimes_slow = |chance| Some((When::Chance(chance), Fault::Late(ms(150), ms(170))));
     // Of the slow ones, 2 % or 20 % are not among 999 of 1000.
     let models = [
         ("constant", 0.0, None),
         ("uniform", 0.999 * 40_000.0, Some((When::Always, Fault::Late(ms(0), ms(40))))),
         ("exponential", 8_000.0 * 1_000_f64.ln(), Some((When::Always, Fault::Lingers(ms(8))))),
-        (
-            "often_slow",
-            150_000.0 + 0.98 * 20_000.0,
-            Some((When::Chance(0.05), Fault::Late(ms(150), ms(170)))),
-        ),
-        (
-            "seldom_slow",
-            150_000.0 + 0.8 * 20_000.0,
-            Some((When::Chance(0.005), Fault::Late(ms(150), ms(170)))),
-        ),
+        ("often_slow", 150_000.0 + 0.98 * 20_000.0, sometimes_slow(0.05)),
+        ("seldom_slow", 150_000.0 + 0.8 * 20_000.0, sometimes_slow(0.005)),
     ];
     for (name, late_us, fault) in models {
         let p999_us = AROUND_US + TURNAROUND.as_micros() as f64 + late_us;

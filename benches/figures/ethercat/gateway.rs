@@ -1,17 +1,14 @@
 //! From a new output of the MainDevice to its read-back in the inputs: one drive, polled as fast as its line allows.
 
-use embassy_time::{Duration, Instant, Timer};
 use ethercat_subdevice::device::Device as Description;
 use ethercat_subdevice::sub_device::SubDevice;
 use ethercrab::subdevice_group::{Op, PreOp};
 use mobgate::fieldbus::{DEVICE, GatewayObjects};
-use mobgate_simulator::rig::with_gateway;
 use mobgate_simulator::sub_device::{Dispatcher, Group, cable, direct, line_of, spawn, with_master};
-use mobgate_simulator::{Device, Random};
 
 use super::matrix::{COMBINATIONS, Longest, combination, exchange};
 use crate::line::TURNAROUND;
-use crate::{Target, figure};
+use crate::prelude::*;
 
 static GATEWAY: Description = DEVICE;
 

@@ -5,7 +5,7 @@ use mobgate::fieldbus::DEVICE;
 use mobgate_simulator::lan9252::over_spi;
 use mobgate_simulator::sub_device::{exchange_images, start_up};
 
-use crate::{Target, figure};
+use crate::prelude::*;
 
 static GATEWAY: Device = DEVICE;
 

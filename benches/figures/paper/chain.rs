@@ -1,16 +1,14 @@
 //! Chains of routers in virtual time, and how long transactions through them take.
 
-use embassy_time::{Duration, Timer};
 use mobgate::stats::Event;
-use mobgate_simulator::client::Answer;
-use mobgate_simulator::{Device, Master, Random, Rig, World, rig};
+use mobgate_simulator::Master;
 
 use super::formula::Line;
 use super::{TURNAROUND, UNIT};
+use crate::prelude::*;
 
 const TRANSACTIONS: u32 = 50;
 
-/// A read of so many registers.
 pub(super) fn read(registers: u8) -> [u8; 5] {
     [3, 0, 0, 0, registers]
 }

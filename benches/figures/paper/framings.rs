@@ -6,7 +6,7 @@ use mobgate::settings::Framing;
 use super::chain::through;
 use super::formula::{Line, cut_through, direct};
 use super::{BAUDS, NANOSECONDS, REGISTERS};
-use crate::{Target, figure};
+use crate::prelude::*;
 
 pub(super) fn figures() {
     for (baud, registers) in BAUDS.iter().flat_map(|baud| REGISTERS.map(|registers| (*baud, registers))) {

@@ -1,0 +1,316 @@
+//! What the processor is connected to: the peripherals' models by their addresses, their interrupts, DMA, and the one clock.
+
+use std::collections::BTreeMap;
+
+use crate::bank::{ALL, Bank};
+use crate::cells::Cells;
+use crate::chip::{self, Board, Device, Family, UARTS};
+use crate::core::Core;
+use crate::dma::{Dma, Item, Request};
+use crate::flash::{Access, Flash};
+use crate::gpio::{Drive, Gpio, Pin};
+use crate::rcc::{Clocks, Rcc, Reset};
+use crate::spi::Spi;
+use crate::time::{SECOND, Time};
+use crate::timer::Timer;
+use crate::usart::Usart;
+use crate::watchdog::Watchdog;
+
+/// Memory as DMA sees it.
+pub(crate) trait Memory {
+    fn load(&self, address: u32, bytes: &mut [u8]);
+    fn store(&mut self, address: u32, bytes: &[u8]);
+}
+
+/// All peripherals.
+pub(crate) struct Bus {
+    pub(crate) board: Board,
+    pub(crate) now: Time,
+    /// When the processor has to be interrupted for what happens then.
+    pub(crate) deadline: Time,
+    /// The time of one instruction.
+    pub(crate) instruction: Time,
+    clocks: Clocks,
+    pub(crate) core: Core,
+    pub(crate) rcc: Rcc,
+    pub(crate) flash: Flash,
+    pub(crate) gpio: Gpio,
+    pub(crate) timer: Timer,
+    pub(crate) watchdog: Watchdog,
+    pub(crate) uarts: [Usart; 5],
+    pub(crate) dma: Dma,
+    pub(crate) spi: Spi,
+    pub(crate) pwr: Bank,
+    pub(crate) syscfg: Bank,
+    pub(crate) exti: Bank,
+    axi: Bank,
+    /// The processor stands still until then.
+    pub(crate) stalled_until: Time,
+    /// A bus fault at this address.
+    pub(crate) bus_fault: Option<u32>,
+    /// An access that no model knows: reads or writes, and where.
+    pub(crate) unknown: Option<(&'static str, u32)>,
+}
+
+/// PWR: "on" and "ready" of the regulator and, on the F7, its overdrive.
+fn power(family: Family) -> Bank {
+    let mut rows: Vec<_> = (0..=0x2c).step_by(4).map(|offset| (offset, 0, ALL)).collect();
+    match family {
+        Family::F4 | Family::F7 => rows.push((4, 1 << 14 | 3 << 16, 0)),
+        Family::H7 => rows.extend([(4, 1 << 13, 0), (0x18, 1 << 13 | 1 << 14, ALL), (0xc, 6, ALL)]),
+    }
+    Bank::new(&rows)
+}
+
+fn plain(last: u32) -> Bank {
+    Bank::new(&(0..=last).step_by(4).map(|offset| (offset, 0, ALL)).collect::<Vec<_>>())
+}
+
+impl Bus {
+    pub(crate) fn new(board: Board) -> Self {
+        let family = board.family;
+        let h7 = family == Family::H7;
+        let mut bus = Self {
+            board,
+            now: 0,
+            deadline: 0,
+            instruction: 1,
+            clocks: Rcc::new(family, Reset::Power).clocks(),
+            core: Core::new(),
+            rcc: Rcc::new(family, Reset::Power),
+            flash: Flash::new(&board, Cells::new(board.settings)),
+            gpio: Gpio::new(BTreeMap::new()),
+            timer: Timer::new(),
+            watchdog: Watchdog::new(),
+            uarts: std::array::from_fn(|_| Usart::new(family != Family::F4)),
+            dma: Dma::new(family),
+            spi: Spi::new(h7),
+            pwr: power(family),
+            syscfg: plain(0x2c),
+            exti: plain(0xa8),
+            axi: Bank::new(&[(0x108, 0, ALL)]),
+            stalled_until: 0,
+            bus_fault: None,
+            unknown: None,
+        };
+        bus.follow_clocks();
+        bus
+    }
+
+    /// Resets all but what a reset does not reach: the flash's cells, what is connected, and time.
+    pub(crate) fn reset(&mut self, cause: Reset) {
+        let mut fresh = Self::new(self.board);
+        fresh.now = self.now;
+        fresh.rcc = Rcc::new(self.board.family, cause);
+        let cells = std::mem::replace(&mut self.flash.cells, Cells::new(self.board.settings));
+        fresh.flash = Flash::new(&self.board, cells);
+        let driven: BTreeMap<Pin, Drive> = std::mem::take(self.gpio.driven());
+        fresh.gpio = Gpio::new(driven);
+        std::mem::swap(&mut fresh.uarts, &mut self.uarts);
+        fresh.uarts.iter_mut().for_each(Usart::reset);
+        *self = fresh;
+    }
+
+    fn follow_clocks(&mut self) {
+        self.clocks = self.rcc.clocks();
+        self.instruction = SECOND / self.clocks.core;
+    }
+
+    fn uart_clock(&self, uart: usize) -> u64 {
+        if UARTS[uart].0 == "USART6" { self.clocks.fast } else { self.clocks.slow }
+    }
+
+    /// The program reads a peripheral's register or the settings' cells.
+    pub(crate) fn read(&mut self, address: u32, bytes: usize) -> u64 {
+        let cells = self.flash.cells.base();
+        if (cells..chip::FLASH + 2 * chip::PROGRAM_BYTES).contains(&address) {
+            self.touch_flash(true);
+            let value = self.flash.read_cells(address, bytes);
+            if value.is_none() && !self.core.ignores_bus_faults() {
+                (self.bus_fault, self.deadline) = (Some(address), self.now);
+            }
+            return value.unwrap_or_default();
+        }
+        self.register(address, bytes).map(u64::from).unwrap_or_else(|| {
+            self.unknown.get_or_insert(("reads", address));
+            self.deadline = self.now;
+            0
+        })
+    }
+
+    fn register(&mut self, address: u32, bytes: usize) -> Option<u32> {
+        let (device, offset) = chip::device(self.board.family, address)?;
+        match device {
+            Device::Rcc => self.rcc.read(offset),
+            Device::Pwr => self.pwr.read(offset),
+            Device::Flash => self.flash.read(offset),
+            Device::Syscfg => self.syscfg.read(offset),
+            Device::Exti => self.exti.read(offset),
+            Device::Gpio => self.gpio.read(offset),
+            Device::Watchdog => self.watchdog.read(offset),
+            Device::Timer => self.timer.read(offset, self.now),
+            Device::Uart(uart) => self.uarts[uart].read(offset),
+            Device::Dma(dma) => self.dma.read(dma, offset),
+            Device::Dmamux => self.dma.read_mux(offset),
+            Device::Spi => self.spi.read(offset),
+            Device::Core => self.core.read(offset, bytes, self.now, self.clocks.core),
+            Device::AxiTarget => self.axi.read(offset),
+            Device::Debug => self.debug(offset),
+            Device::System => self.unique(address),
+            Device::Ethernet => None,
+        }
+    }
+
+    /// DBGMCU: the chip's device and revision.
+    fn debug(&self, offset: u32) -> Option<u32> {
+        let revision = match self.board.family {
+            Family::F4 => 0x2001_0419,
+            Family::F7 => 0x1001_0451,
+            Family::H7 => 0x2003_0450,
+        };
+        if offset == 0 { Some(revision) } else { self.axi.read(0x108).filter(|_| offset <= 0x10).map(|_| 0) }
+    }
+
+    fn unique(&self, address: u32) -> Option<u32> {
+        /// Coordinates on the wafer, and the lot's number.
+        const NUMBER: [u8; 12] = *b"\x2a\0\x31\0\x0eQ85019 ";
+        let at = address.checked_sub(self.board.unique)? as usize;
+        // Read by words or by bytes.
+        let rest = NUMBER.get(at..)?;
+        Some(rest.iter().take(4).rev().fold(0, |word, &byte| word << 8 | u32::from(byte)))
+    }
+
+    /// The program writes a register or the settings' cells.
+    pub(crate) fn write(&mut self, address: u32, bytes: usize, value: u64) {
+        let cells = self.flash.cells.base();
+        if (cells..chip::FLASH + 2 * chip::PROGRAM_BYTES).contains(&address) {
+            self.touch_flash(true);
+            self.flash.write_cells(address, bytes, value, self.now);
+            self.touch_flash(false);
+        } else if self.set_register(address, bytes, value as u32).is_none() {
+            self.unknown.get_or_insert(("writes", address));
+        }
+        // What follows from it follows before the next instructions.
+        self.deadline = self.now;
+    }
+
+    fn set_register(&mut self, address: u32, bytes: usize, value: u32) -> Option<()> {
+        let (device, offset) = chip::device(self.board.family, address)?;
+        let now = self.now;
+        match device {
+            Device::Rcc => self.rcc.write(offset, value).map(|()| self.follow_clocks()),
+            Device::Pwr => self.pwr.write(offset, value),
+            Device::Flash => self.flash.write(offset, value, now).map(|()| self.touch_flash(false)),
+            Device::Syscfg => self.syscfg.write(offset, value),
+            Device::Exti => self.exti.write(offset, value),
+            Device::Gpio => self.gpio.write(offset, value, now),
+            Device::Watchdog => self.watchdog.write(offset, value, now),
+            Device::Timer => self.timer.write(offset, value, now, self.clocks.timers),
+            Device::Uart(uart) => {
+                let clock = self.uart_clock(uart);
+                self.uarts[uart].write(offset, value, now, clock)
+            }
+            Device::Dma(dma) => self.dma.write(dma, offset, value),
+            Device::Dmamux => self.dma.write_mux(offset, value),
+            Device::Spi => self.spi.write(offset, value, now, self.clocks.spi),
+            Device::Core => self.core.write(offset, value, bytes),
+            Device::AxiTarget => self.axi.write(offset, value),
+            Device::Debug => (offset <= 0x60).then_some(()),
+            Device::System | Device::Ethernet => None,
+        }
+    }
+
+    /// The processor stands still if the flash is busy and it `touches` that bank, or there is one only.
+    fn touch_flash(&mut self, touches: bool) {
+        if let Access::Stall(until) = self.flash.access(touches) {
+            self.stalled_until = self.stalled_until.max(until);
+            self.deadline = self.now;
+            if touches {
+                // The access itself waits.
+                self.flash.advance(until);
+            }
+        }
+    }
+
+    /// When something happens by itself.
+    pub(crate) fn next_event(&self) -> Time {
+        let uarts = self.uarts.iter().filter_map(Usart::next_event);
+        let others = [
+            self.timer.next_event(),
+            self.watchdog.next_event(),
+            self.flash.next_event(),
+            self.spi.next_event(),
+        ];
+        uarts.chain(others.into_iter().flatten()).min().unwrap_or(Time::MAX)
+    }
+
+    /// Does what is due, and what follows from it: transfers by DMA, interrupts.
+    pub(crate) fn advance(&mut self, memory: &mut impl Memory) {
+        let now = self.now;
+        self.timer.advance(now);
+        self.flash.advance(now);
+        self.spi.advance(now);
+        self.uarts.iter_mut().for_each(|uart| uart.advance(now));
+        self.transfer(memory);
+        self.collect_interrupts();
+    }
+
+    fn transfer(&mut self, memory: &mut impl Memory) {
+        for uart in 0..UARTS.len() {
+            let (receive, transmit) = self.uarts[uart].data_offsets();
+            while self.uarts[uart].wants_to_give() {
+                let Some(item) = self.dma.take(Request::Received(uart)) else { break };
+                self.store(memory, item, UARTS[uart].1 + receive);
+            }
+            while self.uarts[uart].wants_to_take() {
+                let Some(item) = self.dma.take(Request::Transmit(uart)) else { break };
+                self.load(memory, item, UARTS[uart].1 + transmit);
+            }
+        }
+        let (receive, transmit) = self.spi.data_offsets();
+        while self.spi.wants_to_give() {
+            let Some(item) = self.dma.take(Request::SpiReceived) else { break };
+            self.store(memory, item, 0x4001_3000 + receive);
+        }
+        while self.spi.wants_to_take() {
+            let Some(item) = self.dma.take(Request::SpiTransmit) else { break };
+            self.load(memory, item, 0x4001_3000 + transmit);
+        }
+    }
+
+    /// From a peripheral into memory.
+    fn store(&mut self, memory: &mut impl Memory, item: Item, expected: u32) {
+        if item.peripheral != expected {
+            self.unknown.get_or_insert(("takes by DMA, instead of its data,", item.peripheral));
+        }
+        let value = self.read(item.peripheral, item.bytes) as u32;
+        memory.store(item.memory, &value.to_le_bytes()[..item.bytes]);
+    }
+
+    /// From memory into a peripheral.
+    fn load(&mut self, memory: &mut impl Memory, item: Item, expected: u32) {
+        if item.peripheral != expected {
+            self.unknown.get_or_insert(("gives by DMA, instead of its data,", item.peripheral));
+        }
+        let mut bytes = [0; 4];
+        memory.load(item.memory, &mut bytes[..item.bytes]);
+        self.write(item.peripheral, item.bytes, u64::from(u32::from_le_bytes(bytes)));
+    }
+
+    fn collect_interrupts(&mut self) {
+        self.core.raise(chip::TIMER_INTERRUPT, self.timer.interrupts());
+        self.core.raise(chip::FLASH_INTERRUPT, self.flash.interrupts());
+        self.core.raise(chip::SPI_INTERRUPT, self.spi.interrupts());
+        for (uart, (_, _, number)) in self.uarts.iter_mut().zip(UARTS) {
+            if std::mem::take(&mut uart.pulse) {
+                self.core.pend(number);
+            }
+            self.core.raise(number, uart.interrupts());
+        }
+        for (dma, numbers) in chip::DMA_INTERRUPTS.iter().enumerate() {
+            for (stream, &number) in numbers.iter().enumerate() {
+                self.core.raise(number, self.dma.interrupts(dma, stream as u32));
+            }
+        }
+    }
+}

@@ -1,0 +1,52 @@
+//! A board's image: the ELF file as it is built, its segments and the names of its functions.
+
+use std::path::{Path, PathBuf};
+
+use object::read::elf::{ElfFile32, ProgramHeader};
+use object::{Endianness, Object, ObjectSymbol, SymbolKind, elf};
+
+/// What a tool would write into the flash, and where functions are.
+pub struct Image {
+    /// Addresses and bytes.
+    pub(crate) segments: Vec<(u32, Vec<u8>)>,
+    /// Where functions begin, sorted.
+    functions: Vec<(u32, String)>,
+}
+
+impl Image {
+    /// Reads the file at `path`.
+    pub fn read(path: &Path) -> Result<Self, String> {
+        let fault = |what: &dyn std::fmt::Display| format!("{}: {what}", path.display());
+        let bytes = std::fs::read(path).map_err(|error| fault(&error))?;
+        let file = ElfFile32::<Endianness>::parse(&*bytes).map_err(|error| fault(&error))?;
+        let mut segments = Vec::new();
+        for header in file.elf_program_headers() {
+            let data =
+                header.data(file.endian(), &*bytes).map_err(|()| fault(&"a segment ends outside the file"))?;
+            if header.p_type(file.endian()) == elf::PT_LOAD && !data.is_empty() {
+                segments.push((header.p_paddr(file.endian()), data.to_vec()));
+            }
+        }
+        let functions = file.symbols().filter(|symbol| symbol.kind() == SymbolKind::Text);
+        let mut functions: Vec<_> = functions
+            .filter_map(|symbol| Some((symbol.address() as u32 & !1, symbol.name().ok()?.to_owned())))
+            .filter(|(_, name)| !name.starts_with('$'))
+            .collect();
+        functions.sort();
+        Ok(Self { segments, functions })
+    }
+
+    /// Reads the image of a board, as `cargo xtask board NAME build` leaves it.
+    pub fn of_board(board: &str) -> Result<Self, String> {
+        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+        let folder: PathBuf = root.join("target/thumb/thumbv7em-none-eabihf/release");
+        Self::read(&folder.join(format!("mobgate-{}", board.replace('_', "-"))))
+            .map_err(|error| format!("{error}\nbuild it first: cargo xtask board {board} build"))
+    }
+
+    /// The function that the instruction at `address` belongs to.
+    pub(crate) fn function(&self, address: u32) -> &str {
+        let after = self.functions.partition_point(|(start, _)| *start <= address);
+        after.checked_sub(1).map_or("?", |index| &self.functions[index].1)
+    }
+}

@@ -1,0 +1,161 @@
+//! A board with its image: power, time, and what a person or a device at its connectors sees.
+
+use std::cell::RefCell;
+use std::rc::Rc;
+use std::time::Duration;
+
+use crate::bus::Bus;
+use crate::chip::Board;
+use crate::cpu::{Cpu, Shared};
+use crate::image::Image;
+use crate::rcc::Reset;
+use crate::time::{self, Time};
+
+/// Why a run stopped before its time.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Stop {
+    /// Something that no model knows, or that the chip forbids.
+    Fault(String),
+    /// The power was cut, as the test wanted.
+    PowerCut,
+}
+
+impl std::fmt::Display for Stop {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Fault(what) => f.write_str(what),
+            Self::PowerCut => f.write_str("the power was cut"),
+        }
+    }
+}
+
+/// A board.
+pub struct Machine {
+    board: Board,
+    image: Image,
+    pub(crate) bus: Shared,
+    cpu: Cpu,
+    instructions: Rc<RefCell<u64>>,
+    /// Why it was reset, each time.
+    pub resets: Vec<Reset>,
+}
+
+impl Machine {
+    /// A board that was just given power, with erased settings.
+    pub fn new(board: Board) -> Result<Self, String> {
+        let image = Image::of_board(board.name)?;
+        let bus = Rc::new(RefCell::new(Bus::new(board)));
+        let instructions = Rc::default();
+        let cpu = Cpu::new(&board, &image, &random(&board), &bus, &instructions).map_err(|error| format!("{error:?}"))?;
+        Ok(Self { board, image, bus, cpu, instructions, resets: Vec::new() })
+    }
+
+    /// Time since the first power-up.
+    pub fn now(&self) -> Duration {
+        time::duration(self.bus.borrow().now)
+    }
+
+    /// Instructions executed since the first power-up.
+    pub fn instructions(&self) -> u64 {
+        *self.instructions.borrow()
+    }
+
+    /// Runs for so long.
+    pub fn run(&mut self, time: Duration) -> Result<(), Stop> {
+        let end = self.bus.borrow().now + time::span(time);
+        self.run_until(end)
+    }
+
+    pub(crate) fn run_until(&mut self, end: Time) -> Result<(), Stop> {
+        loop {
+            self.cpu.advance();
+            self.check()?;
+            let now = self.bus.borrow().now;
+            if now >= end {
+                return Ok(());
+            }
+            let stalled_until = self.bus.borrow().stalled_until;
+            if stalled_until <= now && self.cpu.take_interrupt() {
+                continue;
+            }
+            let mut bus = self.bus.borrow_mut();
+            let next = bus.next_event().min(end);
+            if stalled_until > now {
+                bus.now = next.max(now + 1).min(stalled_until);
+            } else if self.cpu.is_asleep {
+                bus.now = next.max(now + 1);
+            } else {
+                bus.deadline = next;
+                drop(bus);
+                let result = self.cpu.execute();
+                result.map_err(|what| Stop::Fault(format!("{what} {}", self.place())))?;
+            }
+        }
+    }
+
+    /// Stops where a model does not know, and resets where the chip does.
+    fn check(&mut self) -> Result<(), Stop> {
+        let mut bus = self.bus.borrow_mut();
+        if let Some((does, address)) = bus.unknown {
+            drop(bus);
+            return Err(Stop::Fault(format!("the program {does} {} {}", self.name(address), self.place())));
+        }
+        if let Some(rule) = bus.flash.cells.broken_rule.take() {
+            drop(bus);
+            return Err(Stop::Fault(format!("{rule} {}", self.place())));
+        }
+        if std::mem::take(&mut bus.flash.cells.is_cut) {
+            return Err(Stop::PowerCut);
+        }
+        let now = bus.now;
+        let watchdog = bus.watchdog.next_event().is_some_and(|at| at <= now);
+        let requested = bus.core.reset_requested;
+        drop(bus);
+        if watchdog || requested {
+            self.reset(if watchdog { Reset::Watchdog } else { Reset::Software });
+        }
+        Ok(())
+    }
+
+    /// Where the program is.
+    pub fn place(&self) -> String {
+        let block = self.cpu.block();
+        format!("in the block at {block:#010x} of {}, after {:?}", self.image.function(block), self.now())
+    }
+
+    fn name(&self, address: u32) -> String {
+        match crate::chip::device(self.board.family, address) {
+            Some((device, offset)) => format!("{address:#010x}, which is {device:?} + {offset:#x}, a register without a model,"),
+            None => format!("{address:#010x}, a peripheral without a model,"),
+        }
+    }
+
+    /// Resets the chip. Memories keep what they hold, but for a loss of power.
+    pub(crate) fn reset(&mut self, cause: Reset) {
+        let memories =
+            if cause == Reset::Power { random(&self.board) } else { self.cpu.memories(&self.board) };
+        self.resets.push(cause);
+        self.bus.borrow_mut().reset(cause);
+        // It has been made in the same way before.
+        if let Ok(cpu) = Cpu::new(&self.board, &self.image, &memories, &self.bus, &self.instructions) {
+            self.cpu = cpu;
+        }
+    }
+
+    /// Takes the power away and gives it back.
+    pub fn power_cycle(&mut self) {
+        self.reset(Reset::Power);
+    }
+}
+
+/// What memories hold after the power came: anything.
+fn random(board: &Board) -> Vec<Vec<u8>> {
+    let mut state = 0x2545_f491_4f6c_dd1d_u64;
+    let mut byte = || {
+        state ^= state << 13;
+        state ^= state >> 7;
+        state ^= state << 17;
+        state as u8
+    };
+    board.memories.iter().map(|&(_, length)| (0..length).map(|_| byte()).collect()).collect()
+}

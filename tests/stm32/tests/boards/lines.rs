@@ -1,0 +1,61 @@
+//! RS-485 lines: what stations on them see.
+
+use std::time::Duration;
+
+use mobgate_stm32_emulator::{Board, Machine, RTU, Sent, Uart};
+
+use crate::{on_each_board, set_up, started};
+
+on_each_board!(a_request_on_one_line_reaches_the_device_on_another);
+
+/// Unit 1 is asked for two registers, and responds.
+const REQUEST: [u8; 8] = [1, 3, 0, 0, 0, 2, 0xc4, 0x0b];
+const RESPONSE: [u8; 9] = [1, 3, 4, 0x12, 0x34, 0x56, 0x78, 0x81, 0x07];
+
+fn bytes(sent: &[Sent]) -> Vec<u8> {
+    sent.iter().map(|sent| sent.character.data).collect()
+}
+
+/// A frame without gaps that count, and the driver on for as long as it lasts, but hardly longer.
+fn check_frame(machine: &Machine, line: Uart, sent: &[Sent]) {
+    let (first, last) = (sent.first().unwrap(), sent.last().unwrap());
+    for pair in sent.windows(2) {
+        // What is passed on while it arrives waits for a sender that is slower by its crystal.
+        let gap = pair[1].begin - pair[0].end;
+        assert!(gap < Duration::from_micros(5), "a gap of {gap:?} within a frame on {line:?}");
+    }
+    let driver = machine.driver(line);
+    let &(on, _) = driver.iter().rfind(|(at, on)| *on && *at <= first.begin).expect("the driver is never on");
+    let &(off, _) = driver.iter().find(|(at, is_on)| !*is_on && *at > on).expect("the driver stays on");
+    assert!(off >= last.end, "the driver goes off within a frame on {line:?}: {off:?}, {:?}", last.end);
+    // A bit takes 52 us: the driver is on two bits before at most, and off one bit behind.
+    assert!(first.begin - on < Duration::from_micros(110), "{on:?} {:?}", first.begin);
+    assert!(off - last.end < Duration::from_micros(60), "{off:?} {:?}", last.end);
+}
+
+fn a_request_on_one_line_reaches_the_device_on_another(board: Board) {
+    let mut machine = started(board);
+    set_up(
+        &mut machine,
+        &[
+            "port P1 serial uart1 rtu client 19200 8E1",
+            "port P2 serial uart2 rtu server 19200 8E1",
+            "route P2 1-64 * * P1",
+        ],
+    );
+    // A client that has just opened its line waits for what may still be on its way from before.
+    machine.run(Duration::from_secs(2)).unwrap();
+    for _ in 0..3 {
+        machine.send(Uart::Line2, &REQUEST, RTU);
+        let request = machine.receive(Uart::Line1, REQUEST.len(), Duration::from_millis(50)).unwrap();
+        assert_eq!(bytes(&request), REQUEST);
+        assert!(request.iter().all(|sent| sent.character.format.parity == RTU.parity));
+        machine.run(Duration::from_millis(3)).unwrap();
+        check_frame(&machine, Uart::Line1, &request);
+        machine.send(Uart::Line1, &RESPONSE, RTU);
+        let response = machine.receive(Uart::Line2, RESPONSE.len(), Duration::from_millis(50)).unwrap();
+        assert_eq!(bytes(&response), RESPONSE);
+        machine.run(Duration::from_millis(3)).unwrap();
+        check_frame(&machine, Uart::Line2, &response);
+    }
+}

@@ -7,8 +7,10 @@ use crate::cells::Cells;
 use crate::chip::{self, Board, Device, Family, UARTS};
 use crate::core::Core;
 use crate::dma::{Dma, Item, Request};
+use crate::ethernet::Ethernet;
 use crate::flash::{Access, Flash};
-use crate::gpio::{Drive, Gpio, Pin};
+use crate::gpio::{Drive, Gpio, REFERENCE_CLOCK};
+use crate::phy::Phy;
 use crate::rcc::{Clocks, Rcc, Reset};
 use crate::spi::Spi;
 use crate::time::{SECOND, Time};
@@ -40,6 +42,7 @@ pub(crate) struct Bus {
     pub(crate) uarts: [Usart; 5],
     pub(crate) dma: Dma,
     pub(crate) spi: Spi,
+    pub(crate) ethernet: Ethernet,
     pub(crate) pwr: Bank,
     pub(crate) syscfg: Bank,
     pub(crate) exti: Bank,
@@ -67,7 +70,7 @@ fn plain(last: u32) -> Bank {
 }
 
 impl Bus {
-    pub(crate) fn new(board: Board) -> Self {
+    pub(crate) fn new(board: Board, phy: Phy) -> Self {
         let family = board.family;
         let h7 = family == Family::H7;
         let mut bus = Self {
@@ -79,12 +82,13 @@ impl Bus {
             core: Core::new(),
             rcc: Rcc::new(family, Reset::Power),
             flash: Flash::new(&board, Cells::new(board.settings)),
-            gpio: Gpio::new(BTreeMap::new()),
+            gpio: Gpio::new(BTreeMap::from([(REFERENCE_CLOCK, if phy.is_there { Drive::Clock } else { Drive::Level(false) })])),
             timer: Timer::new(),
             watchdog: Watchdog::new(),
             uarts: std::array::from_fn(|_| Usart::new(family != Family::F4)),
             dma: Dma::new(family),
             spi: Spi::new(h7),
+            ethernet: Ethernet::new(h7, phy),
             pwr: power(family),
             syscfg: plain(0x2c),
             exti: plain(0xa8),
@@ -99,13 +103,12 @@ impl Bus {
 
     /// Resets all but what a reset does not reach: the flash's cells, what is connected, and time.
     pub(crate) fn reset(&mut self, cause: Reset) {
-        let mut fresh = Self::new(self.board);
+        let mut fresh = Self::new(self.board, self.ethernet.phy);
         fresh.now = self.now;
         fresh.rcc = Rcc::new(self.board.family, cause);
         let cells = std::mem::replace(&mut self.flash.cells, Cells::new(self.board.settings));
         fresh.flash = Flash::new(&self.board, cells);
-        let driven: BTreeMap<Pin, Drive> = std::mem::take(self.gpio.driven());
-        fresh.gpio = Gpio::new(driven);
+        std::mem::swap(fresh.gpio.driven(), self.gpio.driven());
         std::mem::swap(&mut fresh.uarts, &mut self.uarts);
         fresh.uarts.iter_mut().for_each(Usart::reset);
         *self = fresh;
@@ -157,7 +160,7 @@ impl Bus {
             Device::AxiTarget => self.axi.read(offset),
             Device::Debug => self.debug(offset),
             Device::System => self.unique(address),
-            Device::Ethernet => None,
+            Device::Ethernet => self.ethernet.read(offset),
         }
     }
 
@@ -216,7 +219,8 @@ impl Bus {
             Device::Core => self.core.write(offset, value, bytes),
             Device::AxiTarget => self.axi.write(offset, value),
             Device::Debug => (offset <= 0x60).then_some(()),
-            Device::System | Device::Ethernet => None,
+            Device::Ethernet => self.ethernet.write(offset, value, now),
+            Device::System => None,
         }
     }
 
@@ -240,6 +244,7 @@ impl Bus {
             self.watchdog.next_event(),
             self.flash.next_event(),
             self.spi.next_event(),
+            self.ethernet.next_event(),
         ];
         uarts.chain(others.into_iter().flatten()).min().unwrap_or(Time::MAX)
     }
@@ -250,6 +255,7 @@ impl Bus {
         self.timer.advance(now);
         self.flash.advance(now);
         self.spi.advance(now);
+        self.ethernet.advance(now, memory);
         self.uarts.iter_mut().for_each(|uart| uart.advance(now));
         self.transfer(memory);
         self.collect_interrupts();
@@ -301,6 +307,7 @@ impl Bus {
         self.core.raise(chip::TIMER_INTERRUPT, self.timer.interrupts());
         self.core.raise(chip::FLASH_INTERRUPT, self.flash.interrupts());
         self.core.raise(chip::SPI_INTERRUPT, self.spi.interrupts());
+        self.core.raise(chip::ETHERNET_INTERRUPT, self.ethernet.interrupts());
         for (uart, (_, _, number)) in self.uarts.iter_mut().zip(UARTS) {
             if std::mem::take(&mut uart.pulse) {
                 self.core.pend(number);

@@ -35,7 +35,7 @@ pub(crate) const PROGRAM_BYTES: u32 = 0x10_0000;
 pub const NUCLEO_F429ZI: Board = Board {
     name: "nucleo_f429zi",
     family: Family::F4,
-    memories: &[(0x2000_0000, 0x3_0000)],
+    memories: &[(0x1000_0000, 0x1_0000), (0x2000_0000, 0x3_0000)],
     settings: (0x081c_0000, 0x2_0000),
     unique: 0x1fff_7a10,
 };

@@ -44,7 +44,8 @@ pub(crate) struct Cpu {
     /// Floating-point registers of those that were interrupted.
     floats: Vec<Option<(Vec<u64>, u64)>>,
     pub(crate) is_asleep: bool,
-    pub(crate) instructions: Rc<RefCell<u64>>,
+    /// The last fault: the instruction, and the address of a failed access.
+    pub(crate) last_fault: Option<(u32, Option<u32>)>,
 }
 
 struct Ram<'u>(&'u mut Unicorn<'static, ()>);
@@ -99,7 +100,7 @@ impl Cpu {
             notes,
             floats: Vec::new(),
             is_asleep: false,
-            instructions: instructions.clone(),
+            last_fault: None,
         };
         let (stack, start) = (cpu.word(chip::FLASH), cpu.word(chip::FLASH + 4));
         cpu.set(RegisterARM::SP, stack);
@@ -240,6 +241,7 @@ impl Cpu {
         if self.bus.borrow().core.active.contains(&HARD_FAULT) {
             return Err("a fault in the handler of faults".to_owned());
         }
+        self.last_fault = Some((self.get(RegisterARM::PC), address));
         self.bus.borrow_mut().core.note_fault(status, address);
         self.enter(HARD_FAULT);
         Ok(())

@@ -13,6 +13,9 @@ const BSRR: u32 = 0x18;
 /// A pin: its port, A is 0, and its number.
 pub(crate) type Pin = (usize, u32);
 
+/// The PHY's clock: PA1.
+pub(crate) const REFERENCE_CLOCK: Pin = (0, 1);
+
 /// What drives a pin from outside.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Drive {
@@ -80,10 +83,5 @@ impl Gpio {
     /// When an output was switched, and to what.
     pub(crate) fn changes(&self, pin: Pin) -> &[(Time, bool)] {
         self.changes.get(&pin).map_or(&[], Vec::as_slice)
-    }
-
-    /// Whether a pin is an output, or a peripheral's.
-    pub(crate) fn mode(&self, pin: Pin) -> u32 {
-        bits(self.ports[pin.0].get(0), 2 * pin.1, 2)
     }
 }

@@ -93,7 +93,7 @@ impl Machine {
                 return Ok(shown);
             }
             if self.now() >= end {
-                return Err(Stop::Fault(format!("no {text:?} within {at_most:?}, but {shown:?}")));
+                return Err(Stop::Fault(format!("no {text:?} within {at_most:?}, but {shown:?}; the program is {}", self.place())));
             }
             self.run(STEP)?;
         }

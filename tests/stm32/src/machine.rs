@@ -8,6 +8,7 @@ use crate::bus::Bus;
 use crate::chip::Board;
 use crate::cpu::{Cpu, Shared};
 use crate::image::Image;
+use crate::phy::Phy;
 use crate::rcc::Reset;
 use crate::time::{self, Time};
 
@@ -38,16 +39,27 @@ pub struct Machine {
     instructions: Rc<RefCell<u64>>,
     /// Why it was reset, each time.
     pub resets: Vec<Reset>,
+    /// Where the program was at each fault, and what it touched.
+    pub faults: Vec<String>,
 }
 
 impl Machine {
-    /// A board that was just given power, with erased settings.
+    /// A board that was just given power, with erased settings and a cable in its Ethernet socket.
     pub fn new(board: Board) -> Result<Self, String> {
+        Self::with_phy(board, true)
+    }
+
+    /// The same, the PHY of which does not respond and gives no clock.
+    pub fn without_phy(board: Board) -> Result<Self, String> {
+        Self::with_phy(board, false)
+    }
+
+    fn with_phy(board: Board, is_there: bool) -> Result<Self, String> {
         let image = Image::of_board(board.name)?;
-        let bus = Rc::new(RefCell::new(Bus::new(board)));
+        let bus = Rc::new(RefCell::new(Bus::new(board, Phy::new(is_there))));
         let instructions = Rc::default();
         let cpu = Cpu::new(&board, &image, &random(&board), &bus, &instructions).map_err(|error| format!("{error:?}"))?;
-        Ok(Self { board, image, bus, cpu, instructions, resets: Vec::new() })
+        Ok(Self { board, image, bus, cpu, instructions, resets: Vec::new(), faults: Vec::new() })
     }
 
     /// Time since the first power-up.
@@ -89,6 +101,10 @@ impl Machine {
                 drop(bus);
                 let result = self.cpu.execute();
                 result.map_err(|what| Stop::Fault(format!("{what} {}", self.place())))?;
+                if let Some((at, touched)) = self.cpu.last_fault.take() {
+                    let touched = touched.map_or_else(String::new, |address| format!(", by access to {address:#010x}"));
+                    self.faults.push(format!("at {at:#010x} of {}{touched}", self.image.function(at)));
+                }
             }
         }
     }
@@ -120,7 +136,9 @@ impl Machine {
     /// Where the program is.
     pub fn place(&self) -> String {
         let block = self.cpu.block();
-        format!("in the block at {block:#010x} of {}, after {:?}", self.image.function(block), self.now())
+        let faults = if self.faults.is_empty() { String::new() } else { format!(" and the faults {:?}", &self.faults[..self.faults.len().min(3)]) };
+        let (function, now, resets) = (self.image.function(block), self.now(), &self.resets[..self.resets.len().min(3)]);
+        format!("in the block at {block:#010x} of {function}, after {now:?}, the resets {resets:?}{faults}")
     }
 
     fn name(&self, address: u32) -> String {

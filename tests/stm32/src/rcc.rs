@@ -182,5 +182,7 @@ fn rows(h7: bool) -> Vec<(u32, u32, u32)> {
     // Resets, clocks on, clocks on while asleep; spread spectrum, further PLLs, choices of clocks.
     let ranges = [0x10..=0x18, 0x20..=0x24, 0x30..=0x38, 0x40..=0x44, 0x50..=0x58, 0x60..=0x64, 0x80..=0x90];
     rows.extend(ranges.into_iter().flat_map(|range| range.step_by(4)).map(|offset| (offset, 0, ALL)));
+    // The F4's CCM is on (CCMDATARAMEN); the F7's bit of that place is its DTCM's.
+    rows.push((0x30, 1 << 20, ALL));
     rows
 }

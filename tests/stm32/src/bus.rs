@@ -284,20 +284,32 @@ impl Bus {
         }
     }
 
+    /// Names a transfer from or to elsewhere than the register that is `expected`, or of memory that DMA does not reach.
+    fn check(&mut self, item: &Item, expected: u32) {
+        if item.peripheral != expected {
+            self.unknown.get_or_insert(("gives DMA, instead of a data register,", item.peripheral));
+        }
+        // The F4's CCM; the H7's ITCM and DTCM.
+        let is_out_of_reach = match self.board.family {
+            Family::F4 => item.memory >> 24 == 0x10,
+            Family::F7 => false,
+            Family::H7 => item.memory >> 24 == 0 || item.memory >> 24 == 0x20,
+        };
+        if is_out_of_reach {
+            self.unknown.get_or_insert(("gives DMA, which does not reach it,", item.memory));
+        }
+    }
+
     /// From a peripheral into memory.
     fn store(&mut self, memory: &mut impl Memory, item: Item, expected: u32) {
-        if item.peripheral != expected {
-            self.unknown.get_or_insert(("takes by DMA, instead of its data,", item.peripheral));
-        }
+        self.check(&item, expected);
         let value = self.read(item.peripheral, item.bytes) as u32;
         memory.store(item.memory, &value.to_le_bytes()[..item.bytes]);
     }
 
     /// From memory into a peripheral.
     fn load(&mut self, memory: &mut impl Memory, item: Item, expected: u32) {
-        if item.peripheral != expected {
-            self.unknown.get_or_insert(("gives by DMA, instead of its data,", item.peripheral));
-        }
+        self.check(&item, expected);
         let mut bytes = [0; 4];
         memory.load(item.memory, &mut bytes[..item.bytes]);
         self.write(item.peripheral, item.bytes, u64::from(u32::from_le_bytes(bytes)));

@@ -83,35 +83,38 @@ impl Machine {
         Ok(self.sent(uart))
     }
 
-    /// Runs until the terminal has shown `text`, at most for so long, and returns all that it showed. An error also has what it showed.
-    pub fn wait_for(&mut self, text: &str, at_most: Duration) -> Result<String, Stop> {
+    /// Runs until what the terminal has shown is `enough`, at most for so long, and returns it.
+    fn watch(&mut self, enough: impl Fn(&str) -> bool, at_most: Duration) -> Result<String, Stop> {
         let end = self.now() + at_most;
         let mut shown = String::new();
         loop {
             shown.extend(self.sent(Uart::Console).iter().map(|sent| char::from(sent.character.data)));
-            if shown.contains(text) {
+            if enough(&shown) {
                 return Ok(shown);
             }
             if self.now() >= end {
-                return Err(Stop::Fault(format!("no {text:?} within {at_most:?}, but {shown:?}; the program is {}", self.place())));
+                let what = format!("the terminal shows {shown:?} within {at_most:?}; the program is");
+                return Err(Stop::Fault(format!("{what} {}", self.place())));
             }
             self.run(STEP)?;
         }
+    }
+
+    /// Runs until the terminal shows the prompt, at most for so long, and returns what it showed before.
+    pub fn wait_for_prompt(&mut self, at_most: Duration) -> Result<String, Stop> {
+        // It begins a line, and is longer while settings are not saved. The cursor's place follows it.
+        let mut shown = self.watch(|shown| shown.contains("> \x1b[K") && shown.ends_with('C'), at_most)?;
+        shown.truncate(shown.rfind("\rmobgate").unwrap_or(shown.len()));
+        Ok(shown)
     }
 
     /// Types a line and returns what the terminal shows between it and the next prompt.
     pub fn type_line(&mut self, line: &str) -> Result<String, Stop> {
         self.send(Uart::Console, line.as_bytes(), CONSOLE);
         self.send(Uart::Console, b"\r", CONSOLE);
+        let shown = self.wait_for_prompt(Duration::from_secs(10))?;
         let echo = format!("{line}\r\n");
-        let shown = self.wait_for(&echo, Duration::from_secs(1))?;
-        let mut shown = shown.split_once(&echo).map_or_else(String::new, |(_, behind)| behind.to_owned());
-        // The prompt begins a line, and is longer while settings are not saved. The cursor's place follows it.
-        while !shown.ends_with("C") || !shown.contains("> \x1b[K") {
-            shown += &self.wait_for("C", Duration::from_secs(10))?;
-        }
-        let prompt = shown.rfind("\rmobgate").unwrap_or(shown.len());
-        Ok(shown[..prompt].to_owned())
+        Ok(shown.split_once(&echo).map_or(shown.clone(), |(_, behind)| behind.to_owned()))
     }
 
     /// Speed and format that the board has set.

@@ -144,7 +144,7 @@ impl Machine {
     fn name(&self, address: u32) -> String {
         match crate::chip::device(self.board.family, address) {
             Some((device, offset)) => format!("{address:#010x}, which is {device:?} + {offset:#x}, a register without a model,"),
-            None => format!("{address:#010x}, a peripheral without a model,"),
+            None => format!("{address:#010x}, which has no model,"),
         }
     }
 

@@ -107,6 +107,11 @@ impl Usart {
         self.registers.get(self.layout.control[number - 1])
     }
 
+    /// UE.
+    fn is_on(&self) -> bool {
+        self.control(1) & if self.layout.clear.is_some() { 1 } else { 1 << 13 } != 0
+    }
+
     /// Speed and format that it is set to.
     pub(crate) fn format(&self) -> Format {
         let (control, divider) = (self.control(1), u64::from(self.registers.get(self.layout.divider)));
@@ -166,8 +171,7 @@ impl Usart {
             self.registers.write(offset, value)?;
             // TEACK and REACK follow.
             if self.layout.clear.is_some() {
-                let on = self.control(1);
-                let enabled = if on & 1 != 0 { bits(on, 2, 2) } else { 0 };
+                let enabled = if self.is_on() { bits(self.control(1), 2, 2) } else { 0 };
                 let acknowledged = (enabled >> 1) << 21 | (enabled & 1) << 22;
                 self.flags = self.flags & !(3 << 21) | acknowledged;
             }
@@ -177,7 +181,7 @@ impl Usart {
 
     /// Begins to send what waits, if nothing is being sent.
     fn shift(&mut self, now: Time) {
-        if self.shifting.is_some() || self.control(1) & 1 == 0 || self.control(1) & 8 == 0 {
+        if self.shifting.is_some() || !self.is_on() || self.control(1) & 8 == 0 {
             return;
         }
         let Some(data) = self.waiting.take() else { return };
@@ -239,7 +243,7 @@ impl Usart {
 
     fn hear(&mut self, end: Time, character: Character) {
         let control = self.control(1);
-        if control & 1 == 0 || control & 4 == 0 {
+        if !self.is_on() || control & 4 == 0 {
             return;
         }
         let format = self.format();
@@ -265,7 +269,7 @@ impl Usart {
 
     /// A character from DMA can be sent.
     pub(crate) fn wants_to_take(&self) -> bool {
-        self.waiting.is_none() && self.control(3) >> 7 & 1 != 0 && self.control(1) & 1 != 0
+        self.waiting.is_none() && self.control(3) >> 7 & 1 != 0 && self.is_on()
     }
 
     pub(crate) fn interrupts(&self) -> bool {

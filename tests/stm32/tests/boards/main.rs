@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use mobgate_stm32_emulator::{Board, CONSOLE, Machine};
+use mobgate_stm32_emulator::{Board, CONSOLE, Machine, Uart};
 
 mod console;
 mod lines;
@@ -37,11 +37,9 @@ fn started(board: Board) -> Machine {
 
 /// The first start erases both sectors.
 fn wait_for_prompt(machine: &mut Machine) {
-    let prompt = machine.wait_for("mobgate> ", Duration::from_secs(8));
+    let prompt = machine.wait_for_prompt(Duration::from_secs(8));
     assert!(prompt.is_ok(), "{}", prompt.unwrap_err());
-    // What else belongs to the prompt.
-    machine.wait_for("C", Duration::from_secs(1)).unwrap();
-    assert!(machine.format(mobgate_stm32_emulator::Uart::Console).baud.abs_diff(CONSOLE.baud) < CONSOLE.baud / 50);
+    assert!(machine.format(Uart::Console).baud.abs_diff(CONSOLE.baud) < CONSOLE.baud / 50);
 }
 
 /// Types these lines, which nothing may be said to.

@@ -9,15 +9,15 @@ use crate::{on_each_board, set_up, started};
 on_each_board!(a_request_on_one_line_reaches_the_device_on_another);
 
 /// Unit 1 is asked for two registers, and responds.
-const REQUEST: [u8; 8] = [1, 3, 0, 0, 0, 2, 0xc4, 0x0b];
-const RESPONSE: [u8; 9] = [1, 3, 4, 0x12, 0x34, 0x56, 0x78, 0x81, 0x07];
+pub(crate) const REQUEST: [u8; 8] = [1, 3, 0, 0, 0, 2, 0xc4, 0x0b];
+pub(crate) const RESPONSE: [u8; 9] = [1, 3, 4, 0x12, 0x34, 0x56, 0x78, 0x81, 0x07];
 
-fn bytes(sent: &[Sent]) -> Vec<u8> {
+pub(crate) fn bytes(sent: &[Sent]) -> Vec<u8> {
     sent.iter().map(|sent| sent.character.data).collect()
 }
 
 /// A frame without gaps that count, and the driver on in each of its characters, but hardly before and behind it.
-fn check_frame(machine: &Machine, line: Uart, sent: &[Sent]) {
+pub(crate) fn check_frame(machine: &Machine, line: Uart, sent: &[Sent]) {
     let driver = machine.driver(line);
     // A bit takes 52 us: the driver is on two bits before at most, and off one bit behind.
     let (before, behind) = (Duration::from_micros(110), Duration::from_micros(60));

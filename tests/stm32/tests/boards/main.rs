@@ -6,6 +6,7 @@ use mobgate_stm32_emulator::{Board, CONSOLE, Machine, Uart};
 
 mod console;
 mod lines;
+mod network;
 mod settings;
 
 /// Makes a test of each function for each board.

@@ -47,6 +47,8 @@ pub(crate) struct Bus {
     pub(crate) syscfg: Bank,
     pub(crate) exti: Bank,
     axi: Bank,
+    /// Reads and writes of the program's, of all peripherals.
+    pub(crate) accesses: (u64, u64),
     /// The processor stands still until then.
     pub(crate) stalled_until: Time,
     /// A bus fault at this address.
@@ -93,6 +95,7 @@ impl Bus {
             syscfg: plain(0x2c),
             exti: plain(0xa8),
             axi: Bank::new(&[(0x108, 0, ALL)]),
+            accesses: (0, 0),
             stalled_until: 0,
             bus_fault: None,
             unknown: None,
@@ -125,6 +128,7 @@ impl Bus {
 
     /// The program reads a peripheral's register or the settings' cells.
     pub(crate) fn read(&mut self, address: u32, bytes: usize) -> u64 {
+        self.accesses.0 += 1;
         let cells = self.flash.cells.base();
         if (cells..chip::FLASH + 2 * chip::PROGRAM_BYTES).contains(&address) {
             self.touch_flash(true);
@@ -185,6 +189,7 @@ impl Bus {
 
     /// The program writes a register or the settings' cells.
     pub(crate) fn write(&mut self, address: u32, bytes: usize, value: u64) {
+        self.accesses.1 += 1;
         let cells = self.flash.cells.base();
         if (cells..chip::FLASH + 2 * chip::PROGRAM_BYTES).contains(&address) {
             self.touch_flash(true);

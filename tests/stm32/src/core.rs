@@ -131,6 +131,8 @@ impl Core {
     fn priority_of(&self, exception: usize) -> i16 {
         match exception.checked_sub(FIRST_INTERRUPT) {
             Some(interrupt) => i16::from(self.priority[interrupt]),
+            // The NMI is above hard faults.
+            None if exception == 2 => -2,
             None if exception == HARD_FAULT => -1,
             None => 0,
         }

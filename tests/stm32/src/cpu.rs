@@ -34,6 +34,24 @@ struct Notes {
     event: bool,
     /// An access to no memory.
     bad_address: Option<u32>,
+    /// How often the block has run in a row, and accesses to peripherals that there had been.
+    polls: u32,
+    accesses: (u64, u64),
+}
+
+/// So often in a row a block only reads a register until nothing but an event is waited for. Time goes on to the next one then: a program that
+/// hangs until the watchdog ends it would take a minute otherwise.
+const POLLS_MAX: u32 = 5_000;
+
+impl Notes {
+    /// Notes the block that begins; how often it has done nothing but read one register.
+    fn poll(&mut self, block: u32, accesses: (u64, u64)) -> u32 {
+        let (reads, writes) = self.accesses;
+        let again = block == self.block && accesses == (reads + 1, writes);
+        self.polls = if again { self.polls + 1 } else { 0 };
+        (self.block, self.accesses) = (block, accesses);
+        self.polls
+    }
 }
 
 /// The processor.
@@ -159,7 +177,7 @@ impl Cpu {
     }
 
     /// Enters an exception's handler.
-    fn enter(&mut self, exception: usize) {
+    pub(crate) fn enter(&mut self, exception: usize) {
         let float = self.get(RegisterARM::CONTROL) & 4 != 0;
         let kept = float.then(|| {
             let read = |register| self.unicorn.reg_read(register).unwrap_or_default();
@@ -183,6 +201,12 @@ impl Cpu {
         let handler = self.word(vector);
         self.set(RegisterARM::PC, handler);
         self.notes.borrow_mut().event = true;
+        self.is_asleep = false;
+    }
+
+    /// Goes on elsewhere.
+    pub(crate) fn jump(&mut self, address: u32) {
+        self.set(RegisterARM::PC, address | 1);
         self.is_asleep = false;
     }
 
@@ -307,8 +331,11 @@ fn hook_blocks(
                 count
             }
         };
-        notes.borrow_mut().block = address as u32;
         let mut bus = bus.borrow_mut();
+        let polls = notes.borrow_mut().poll(address as u32, bus.accesses);
+        if polls > POLLS_MAX {
+            bus.now = bus.now.max(bus.deadline);
+        }
         let unmasked = || unicorn.reg_read(RegisterARM::PRIMASK).is_ok_and(|masked| masked == 0);
         if bus.now >= bus.deadline || bus.core.is_waiting && bus.core.next().is_some() && unmasked() {
             let _ = unicorn.emu_stop();

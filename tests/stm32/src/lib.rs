@@ -18,6 +18,7 @@ mod gpio;
 mod image;
 mod lines;
 mod machine;
+mod mishaps;
 mod network;
 mod phy;
 mod rcc;

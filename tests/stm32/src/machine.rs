@@ -35,7 +35,7 @@ pub struct Machine {
     board: Board,
     image: Image,
     pub(crate) bus: Shared,
-    cpu: Cpu,
+    pub(crate) cpu: Cpu,
     instructions: Rc<RefCell<u64>>,
     /// Why it was reset, each time.
     pub resets: Vec<Reset>,

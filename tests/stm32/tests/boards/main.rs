@@ -5,8 +5,10 @@ use std::time::Duration;
 use mobgate_stm32_emulator::{Board, CONSOLE, Machine, Uart};
 
 mod console;
+mod ends;
 mod lines;
 mod network;
+mod power;
 mod settings;
 
 /// Makes a test of each function for each board.

@@ -1,0 +1,48 @@
+//! What goes wrong with a board: power, clocks, a PHY that hangs, a program that was misled.
+
+use crate::machine::Machine;
+
+impl Machine {
+    /// Erasures and programmings of the settings' flash since the first power-up.
+    pub fn flash_operations(&self) -> usize {
+        self.bus.borrow().flash.cells.operations
+    }
+
+    /// Cuts the power in the middle of a later operation of the flash: 0 is the next one. The run stops there.
+    pub fn cut_power_at(&mut self, operation: usize) {
+        let mut bus = self.bus.borrow_mut();
+        bus.flash.cells.cut_at = Some(bus.flash.cells.operations + operation);
+    }
+
+    /// Leaves the power on after all.
+    pub fn keep_power(&mut self) {
+        self.bus.borrow_mut().flash.cells.cut_at = None;
+    }
+
+    /// Puts zeros where the settings will be, as another program may have left them.
+    pub fn soil_flash(&mut self) {
+        self.bus.borrow_mut().flash.cells.fill(0);
+    }
+
+    /// From now on the PHY never ends an access, or does so again.
+    pub fn hang_phy(&mut self, hangs: bool) {
+        self.bus.borrow_mut().ethernet.phy.hangs = hangs;
+    }
+
+    /// Plugs the Ethernet cable in or pulls it out.
+    pub fn plug_cable(&mut self, is_in: bool) {
+        self.bus.borrow_mut().ethernet.phy.has_cable = is_in;
+    }
+
+    /// Lets the program go on where there is no memory, as after a flipped bit.
+    pub fn mislead(&mut self, address: u32) {
+        self.cpu.jump(address);
+    }
+
+    /// Raises an NMI, as a clock that failed does.
+    pub fn raise_nmi(&mut self) {
+        /// The exception's number.
+        const NMI: usize = 2;
+        self.cpu.enter(NMI);
+    }
+}

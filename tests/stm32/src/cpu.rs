@@ -5,6 +5,7 @@
 //! stack as the architecture says (ARMv7-M, B1.5.6); registers of the floating-point unit are kept here instead.
 
 use std::cell::RefCell;
+use std::collections::HashMap;
 use std::rc::Rc;
 
 use unicorn_engine::{Arch, ArmCpuModel, HookType, Mode, Prot, RegisterARM, Unicorn, uc_error};
@@ -26,31 +27,48 @@ pub(crate) type Shared = Rc<RefCell<Bus>>;
 /// What the hooks note for the loop.
 #[derive(Default)]
 struct Notes {
-    /// The block that runs.
+    /// The block that runs, and its length.
     block: u32,
+    bytes: u32,
     /// WFE or WFI was met.
     sleeps: bool,
     /// SEV was met, or an exception was taken.
     event: bool,
     /// An access to no memory.
     bad_address: Option<u32>,
-    /// How often the block has run in a row, and accesses to peripherals that there had been.
+    /// The block that may begin a loop, how often it did, accesses to peripherals until then, blocks since then.
+    head: u32,
     polls: u32,
     accesses: (u64, u64),
+    since: u32,
 }
 
-/// So often in a row a block only reads a register until nothing but an event is waited for. Time goes on to the next one then: a program that
+/// So often in a row a loop only reads a register until nothing but an event is waited for. Time goes on to the next one then: a program that
 /// hangs until the watchdog ends it would take a minute otherwise.
 const POLLS_MAX: u32 = 5_000;
 
 impl Notes {
-    /// Notes the block that begins; how often it has done nothing but read one register.
+    /// Notes the block that begins, and says how often the program has done nothing but read one register. Where Unicorn has found that an
+    /// instruction accesses a peripheral, it is executed as a block of its own.
     fn poll(&mut self, block: u32, accesses: (u64, u64)) -> u32 {
+        /// Blocks of such a loop.
+        const LOOP_BLOCKS: u32 = 3;
         let (reads, writes) = self.accesses;
-        let again = block == self.block && accesses == (reads + 1, writes);
-        self.polls = if again { self.polls + 1 } else { 0 };
-        (self.block, self.accesses) = (block, accesses);
+        self.since += 1;
+        if block == self.head && accesses == (reads + 1, writes) {
+            (self.polls, self.accesses, self.since) = (self.polls + 1, accesses, 0);
+        } else if self.since > LOOP_BLOCKS {
+            (self.head, self.polls, self.accesses, self.since) = (block, 0, accesses, 0);
+        }
         self.polls
+    }
+
+    /// Notes the block that begins; the part of the last one that was not executed: see [`Self::poll`].
+    fn begin(&mut self, block: u32, bytes: u32) -> Option<(u32, u32)> {
+        let end = self.block + self.bytes;
+        let is_cut_out = bytes <= 4 && block >= self.block && block + bytes < end;
+        (self.block, self.bytes) = (block, bytes);
+        is_cut_out.then(|| (block, end - block))
     }
 }
 
@@ -317,30 +335,30 @@ fn hook_blocks(
     instructions: &Rc<RefCell<u64>>,
 ) -> Result<(), uc_error> {
     let (bus, notes, total) = (bus.clone(), notes.clone(), instructions.clone());
-    // The number of instructions of each block that was met, by half its offset in the flash.
-    let mut known = vec![(0u32, 0u32); chip::PROGRAM_BYTES as usize / 2];
+    let mut known = HashMap::new();
     unicorn.add_block_hook(1, 0, move |unicorn, address, size| {
-        let at = (address as u32).wrapping_sub(chip::FLASH) as usize / 2;
-        let count = match known.get_mut(at) {
-            Some((of, count)) if *of == size => *count,
-            slot => {
-                let count = count(unicorn, address, size);
-                if let Some(slot) = slot {
-                    *slot = (size, count);
-                }
-                count
-            }
+        let address = address as u32;
+        let mut count = |address, size| {
+            *known.entry((address, size)).or_insert_with(|| count(unicorn, address, size))
         };
         let mut bus = bus.borrow_mut();
-        let polls = notes.borrow_mut().poll(address as u32, bus.accesses);
-        if polls > POLLS_MAX {
+        let mut notes = notes.borrow_mut();
+        if let Some((address, size)) = notes.begin(address, size) {
+            let undone = count(address, size);
+            bus.now -= u64::from(undone) * bus.instruction;
+            *total.borrow_mut() -= u64::from(undone);
+        }
+        if notes.poll(address, bus.accesses) > POLLS_MAX {
             bus.now = bus.now.max(bus.deadline);
         }
         let unmasked = || unicorn.reg_read(RegisterARM::PRIMASK).is_ok_and(|masked| masked == 0);
         if bus.now >= bus.deadline || bus.core.is_waiting && bus.core.next().is_some() && unmasked() {
+            // What is not executed is not cut out of.
+            notes.bytes = 0;
             let _ = unicorn.emu_stop();
             return;
         }
+        let count = count(address, size);
         bus.now += u64::from(count) * bus.instruction;
         *total.borrow_mut() += u64::from(count);
     })?;
@@ -348,8 +366,8 @@ fn hook_blocks(
 }
 
 /// Instructions of a block: one of 32 bits begins with 0b11101, 0b11110 or 0b11111.
-fn count(unicorn: &Unicorn<'_, ()>, address: u64, size: u32) -> u32 {
-    let bytes = unicorn.mem_read_as_vec(address, size as usize).unwrap_or_default();
+fn count(unicorn: &Unicorn<'_, ()>, address: u32, size: u32) -> u32 {
+    let bytes = unicorn.mem_read_as_vec(u64::from(address), size as usize).unwrap_or_default();
     let (mut at, mut count) = (0, 0);
     while let Some(&high) = bytes.get(at + 1) {
         at += if high >> 3 >= 0b11101 { 4 } else { 2 };

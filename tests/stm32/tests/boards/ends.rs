@@ -39,7 +39,7 @@ fn a_fault_is_written_down_and_the_board_starts_again(board: Board) {
     assert!(log.contains("the last run ended: fault 0x00000100 at 0x60000000"), "{log}");
     // Once only.
     machine.type_line("reboot").unwrap();
-    wait_for_prompt(&mut machine);
+    assert_eq!(machine.resets, [Reset::Software; 2]);
     let log = machine.type_line("show log").unwrap();
     assert!(!log.contains("the last run ended"), "{log}");
 }

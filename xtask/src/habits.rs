@@ -7,10 +7,14 @@ use crate::install::{self, Group};
 use crate::test;
 use crate::tools::{Outcome, built, cargo, command, output, program, read, root, run};
 
+/// Packages of tests/ that are workspaces of their own.
+const TESTS: [&str; 2] = ["tests/fuzz", "tests/stm32"];
+
 /// Folders of boards/ and tests/ with their own workspace.
 fn workspaces() -> Outcome<Vec<PathBuf>> {
     let boards = root().join("boards").read_dir().map_err(|error| format!("boards/: {error}"))?;
-    let folders = boards.flatten().map(|entry| entry.path()).chain([root().join("tests/fuzz")]);
+    let tests = TESTS.map(|folder| root().join(folder));
+    let folders = boards.flatten().map(|entry| entry.path()).chain(tests);
     let mut own: Vec<PathBuf> = folders.filter(|folder| folder.join("Cargo.lock").exists()).collect();
     own.sort();
     Ok(own)
@@ -41,7 +45,8 @@ pub(crate) fn release() -> Outcome {
     }
     // SBOMs of the program and each image, in CycloneDX.
     let linux = root().join("boards/linux");
-    for folder in std::iter::once(linux).chain(workspaces()?.into_iter().filter(|of| !of.ends_with("fuzz"))) {
+    let images = workspaces()?.into_iter().filter(|folder| !folder.starts_with(root().join("tests")));
+    for folder in std::iter::once(linux).chain(images) {
         let name = folder.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let mut sbom = command(
             "cargo-cyclonedx",
@@ -89,9 +94,8 @@ pub(crate) fn lint() -> Outcome {
     run(&mut command("cargo", &["fmt", "--all", "--check"]))?;
     let boards =
         root().join("boards").read_dir().map_err(|error| error.to_string())?.flatten().map(|of| of.path());
-    for package in
-        boards.chain([root().join("tests/fuzz")]).filter(|folder| folder.join("Cargo.toml").exists())
-    {
+    let tests = TESTS.map(|folder| root().join(folder));
+    for package in boards.chain(tests).filter(|folder| folder.join("Cargo.toml").exists()) {
         run(command("cargo", &["fmt", "--check"]).current_dir(&package))
             .map_err(|error| format!("{}: {error}", package.display()))?;
     }
@@ -101,6 +105,7 @@ pub(crate) fn lint() -> Outcome {
     // The program as packaged.
     let packaged = ["--package", "mobgate-linux", "--no-default-features", "--features", "linux_5_11"];
     run(cargo("clippy", &packaged).args(["--", "-D", "warnings"]))?;
+    test::lint_stm32()?;
     run(cargo("doc", &["--workspace", "--no-deps"]).env("RUSTDOCFLAGS", "-Dwarnings"))?;
     built("target/doc/mobgate/index.html")
 }

@@ -16,6 +16,8 @@ pub(crate) enum Group {
     Thumb,
     /// The emulated board
     Qemu,
+    /// The emulator of the STM32 boards
+    Stm32,
     /// A compiler for ARM Linux
     Arm,
     /// The Debian package and its test
@@ -50,7 +52,7 @@ struct Need {
 
 const DEBIAN_RUST: By = By::Apt(&["rustc-web", "cargo-web", "rust-web-src", "rust-web-clippy", "lld"]);
 
-const NEEDS: [Need; 23] = [
+const NEEDS: [Need; 26] = [
     by_apt(Group::Peers, "mbpoll", &["mbpoll"]),
     by_apt(Group::Package, "mbpoll", &["mbpoll"]),
     by_apt(Group::Peers, "socat", &["socat"]),
@@ -96,6 +98,9 @@ const NEEDS: [Need; 23] = [
         by: By::Own(qemu),
         found: |_| qemu_version().is_some_and(|version| version >= 8),
     },
+    by_apt(Group::Stm32, "cmake", &["cmake"]),
+    by_apt(Group::Stm32, "cc", &["gcc", "libc6-dev", "make"]),
+    Need { group: Group::Stm32, name: "libclang", by: By::Apt(&["libclang-dev"]), found: |_| has_libclang() },
     Need {
         group: Group::Arm,
         name: "Debian's Rust with sources",
@@ -197,6 +202,13 @@ fn qemu_version() -> Option<u32> {
     let printed = command("qemu-system-arm", &["--version"]).output().ok()?;
     let text = String::from_utf8(printed.stdout).ok()?;
     text.split_once("version ")?.1.split('.').next()?.parse().ok()
+}
+
+/// Whether Debian's libclang is here, which describes headers of C to Rust.
+fn has_libclang() -> bool {
+    let versions = Path::new("/usr/lib").read_dir().into_iter().flatten().flatten();
+    let mut versions = versions.filter(|entry| entry.file_name().to_string_lossy().starts_with("llvm-"));
+    versions.any(|entry| entry.path().join("lib/libclang.so").exists())
 }
 
 /// Debian 12 has the newer version in its backports, on the machine's usual mirror.

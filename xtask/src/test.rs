@@ -1,7 +1,10 @@
 //! The test suites, fastest first.
 
+use std::process::Command;
+
 use clap::ValueEnum;
 
+use crate::board;
 use crate::install::{self, Group};
 use crate::tools::{Outcome, built, cargo, command, output, program, run};
 
@@ -12,6 +15,8 @@ pub(crate) enum Suite {
     Workspace,
     /// The emulated board
     Qemu,
+    /// The STM32 boards' images in an emulator
+    Stm32,
     /// The Debian package, installed, used and removed (needs root)
     Package,
     /// Random worlds, many times more than in `workspace`
@@ -25,6 +30,7 @@ impl Suite {
         match self {
             Self::Workspace | Self::Maindevices => &[Group::Peers],
             Self::Qemu => &[Group::Qemu, Group::Thumb, Group::Peers],
+            Self::Stm32 => &[Group::Stm32, Group::Thumb],
             Self::Package => &[Group::Package],
             Self::Torture => &[],
         }
@@ -54,6 +60,10 @@ pub(crate) fn run_all(suites: &[Suite], install: bool) -> Outcome {
             run(&mut cargo("test", &core))
         }
         Suite::Qemu => run(&mut cargo("test", &["--package", "mobgate-qemu", "--test", "qemu"])),
+        Suite::Stm32 => {
+            board::nucleos()?.iter().try_for_each(|board| board::run(board, "build", &[]))?;
+            run(&mut stm32("test"))
+        }
         Suite::Package => {
             deb()?;
             // Its demo is the device behind the packaged gateway.
@@ -78,6 +88,23 @@ pub(crate) fn run_all(suites: &[Suite], install: bool) -> Outcome {
             )
         }
     })
+}
+
+/// cargo for the emulator of the STM32 boards, a workspace of its own.
+fn stm32(subcommand: &str) -> Command {
+    let place = ["--manifest-path", "tests/stm32/Cargo.toml", "--target-dir", "target/stm32"];
+    cargo(subcommand, &place)
+}
+
+/// Lints it where it can be built, and says where it cannot.
+pub(crate) fn lint_stm32() -> Outcome {
+    match install::check(&[Group::Stm32]) {
+        Ok(()) => run(stm32("clippy").args(["--all-targets", "--", "-D", "warnings"])),
+        Err(missing) => {
+            println!("tests/stm32 is not linted: {missing}");
+            Ok(())
+        }
+    }
 }
 
 /// Whether this is root, or sudo is available.

@@ -84,7 +84,10 @@ impl Bus {
             core: Core::new(),
             rcc: Rcc::new(family, Reset::Power),
             flash: Flash::new(&board, Cells::new(board.settings)),
-            gpio: Gpio::new(BTreeMap::from([(REFERENCE_CLOCK, if phy.is_there { Drive::Clock } else { Drive::Level(false) })])),
+            gpio: Gpio::new(BTreeMap::from([(
+                REFERENCE_CLOCK,
+                if phy.is_there { Drive::Clock } else { Drive::Level(false) },
+            )])),
             timer: Timer::new(),
             watchdog: Watchdog::new(),
             uarts: std::array::from_fn(|_| Usart::new(family != Family::F4)),
@@ -267,15 +270,15 @@ impl Bus {
     }
 
     fn transfer(&mut self, memory: &mut impl Memory) {
-        for uart in 0..UARTS.len() {
+        for (uart, (_, base, _)) in UARTS.into_iter().enumerate() {
             let (receive, transmit) = self.uarts[uart].data_offsets();
             while self.uarts[uart].wants_to_give() {
                 let Some(item) = self.dma.take(Request::Received(uart)) else { break };
-                self.store(memory, item, UARTS[uart].1 + receive);
+                self.store(memory, item, base + receive);
             }
             while self.uarts[uart].wants_to_take() {
                 let Some(item) = self.dma.take(Request::Transmit(uart)) else { break };
-                self.load(memory, item, UARTS[uart].1 + transmit);
+                self.load(memory, item, base + transmit);
             }
         }
         let (receive, transmit) = self.spi.data_offsets();

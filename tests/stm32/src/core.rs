@@ -48,7 +48,9 @@ impl Core {
             (BFAR, 0, ALL),
         ];
         // SCR, CCR, priorities of system handlers, SHCSR; CPACR, DEMCR; maintenance of the caches.
-        rows.extend([0xed10, CCR, 0xed18, 0xed1c, 0xed20, 0xed24, 0xed88, 0xedfc, 0xef50].map(|at| (at, 0, ALL)));
+        rows.extend(
+            [0xed10, CCR, 0xed18, 0xed1c, 0xed20, 0xed24, 0xed88, 0xedfc, 0xef50].map(|at| (at, 0, ALL)),
+        );
         // FPCCR, FPCAR, FPDSCR.
         rows.extend([0xef34, 0xef38, 0xef3c].map(|at| (at, 0, ALL)));
         Self {
@@ -124,7 +126,8 @@ impl Core {
     pub(crate) fn next(&self) -> Option<usize> {
         let running = self.active.iter().map(|&number| self.priority_of(number)).min().unwrap_or(i16::MAX);
         let waiting = (0..INTERRUPTS).filter(|&number| self.enabled[number] && self.pending[number]);
-        let next = waiting.map(|number| FIRST_INTERRUPT + number).min_by_key(|&number| self.priority_of(number))?;
+        let next =
+            waiting.map(|number| FIRST_INTERRUPT + number).min_by_key(|&number| self.priority_of(number))?;
         (self.priority_of(next) < running).then_some(next)
     }
 

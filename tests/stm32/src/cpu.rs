@@ -5,14 +5,14 @@
 //! stack as the architecture says (ARMv7-M, B1.5.6); registers of the floating-point unit are kept here instead.
 
 use std::cell::RefCell;
-use std::collections::HashMap;
 use std::rc::Rc;
 
-use unicorn_engine::{Arch, ArmCpuModel, HookType, Mode, Prot, RegisterARM, Unicorn, uc_error};
+use unicorn_engine::{Arch, ArmCpuModel, Mode, RegisterARM, Unicorn, uc_error};
 
-use crate::bus::{Bus, Memory};
+use crate::bus::Memory;
 use crate::chip::{self, Board};
 use crate::core::HARD_FAULT;
+use crate::hooks::{self, Notes, Shared};
 use crate::image::Image;
 
 /// The value of LR that a handler returns to.
@@ -21,56 +21,6 @@ const RETURN: u32 = 0xffff_fff9;
 const UNDEFINED: u32 = 1 << 16;
 const BAD_DATA: u32 = 1 << 9;
 const BAD_FETCH: u32 = 1 << 8;
-
-pub(crate) type Shared = Rc<RefCell<Bus>>;
-
-/// What the hooks note for the loop.
-#[derive(Default)]
-struct Notes {
-    /// The block that runs, and its length.
-    block: u32,
-    bytes: u32,
-    /// WFE or WFI was met.
-    sleeps: bool,
-    /// SEV was met, or an exception was taken.
-    event: bool,
-    /// An access to no memory.
-    bad_address: Option<u32>,
-    /// The block that may begin a loop, how often it did, accesses to peripherals until then, blocks since then.
-    head: u32,
-    polls: u32,
-    accesses: (u64, u64),
-    since: u32,
-}
-
-/// So often in a row a loop only reads a register until nothing but an event is waited for. Time goes on to the next one then: a program that
-/// hangs until the watchdog ends it would take a minute otherwise.
-const POLLS_MAX: u32 = 5_000;
-
-impl Notes {
-    /// Notes the block that begins, and says how often the program has done nothing but read one register. Where Unicorn has found that an
-    /// instruction accesses a peripheral, it is executed as a block of its own.
-    fn poll(&mut self, block: u32, accesses: (u64, u64)) -> u32 {
-        /// Blocks of such a loop.
-        const LOOP_BLOCKS: u32 = 3;
-        let (reads, writes) = self.accesses;
-        self.since += 1;
-        if block == self.head && accesses == (reads + 1, writes) {
-            (self.polls, self.accesses, self.since) = (self.polls + 1, accesses, 0);
-        } else if self.since > LOOP_BLOCKS {
-            (self.head, self.polls, self.accesses, self.since) = (block, 0, accesses, 0);
-        }
-        self.polls
-    }
-
-    /// Notes the block that begins; the part of the last one that was not executed: see [`Self::poll`].
-    fn begin(&mut self, block: u32, bytes: u32) -> Option<(u32, u32)> {
-        let end = self.block + self.bytes;
-        let is_cut_out = bytes <= 4 && block >= self.block && block + bytes < end;
-        (self.block, self.bytes) = (block, bytes);
-        is_cut_out.then(|| (block, end - block))
-    }
-}
 
 /// The processor.
 pub(crate) struct Cpu {
@@ -121,23 +71,13 @@ impl Cpu {
     ) -> Result<Self, uc_error> {
         let mut unicorn = Unicorn::new(Arch::ARM, Mode::THUMB)?;
         unicorn.ctl_set_cpu_model(ArmCpuModel::CORTEX_M7 as i32)?;
-        map(&mut unicorn, board, image, memories, bus)?;
+        hooks::map(&mut unicorn, board, image, memories, bus)?;
         let notes = Rc::new(RefCell::new(Notes::default()));
-        hook_blocks(&mut unicorn, bus, &notes, instructions)?;
-        hook_hints(&mut unicorn, image, &notes)?;
-        let seen = notes.clone();
-        unicorn.add_mem_hook(HookType::MEM_INVALID, 0, u64::MAX, move |_, _, address, _, _| {
-            seen.borrow_mut().bad_address = Some(address as u32);
-            false
-        })?;
-        let mut cpu = Self {
-            unicorn,
-            bus: bus.clone(),
-            notes,
-            floats: Vec::new(),
-            is_asleep: false,
-            last_fault: None,
-        };
+        hooks::hook_blocks(&mut unicorn, bus, &notes, instructions)?;
+        hooks::hook_hints(&mut unicorn, image, &notes)?;
+        hooks::hook_faults(&mut unicorn, &notes)?;
+        let mut cpu =
+            Self { unicorn, bus: bus.clone(), notes, floats: Vec::new(), is_asleep: false, last_fault: None };
         let (stack, start) = (cpu.word(chip::FLASH), cpu.word(chip::FLASH + 4));
         cpu.set(RegisterARM::SP, stack);
         cpu.set(RegisterARM::LR, u32::MAX);
@@ -162,7 +102,9 @@ impl Cpu {
 
     /// What the board's memories hold.
     pub(crate) fn memories(&self, board: &Board) -> Vec<Vec<u8>> {
-        let read = |&(address, length): &(u32, u32)| self.unicorn.mem_read_as_vec(u64::from(address), length as usize);
+        let read = |&(address, length): &(u32, u32)| {
+            self.unicorn.mem_read_as_vec(u64::from(address), length as usize)
+        };
         board.memories.iter().map(|memory| read(memory).unwrap_or_default()).collect()
     }
 
@@ -288,118 +230,4 @@ impl Cpu {
         self.enter(HARD_FAULT);
         Ok(())
     }
-}
-
-fn map(
-    unicorn: &mut Unicorn<'static, ()>,
-    board: &Board,
-    image: &Image,
-    memories: &[Vec<u8>],
-    bus: &Shared,
-) -> Result<(), uc_error> {
-    unicorn.mem_map(u64::from(chip::FLASH), u64::from(chip::PROGRAM_BYTES), Prot::READ | Prot::EXEC)?;
-    for (address, bytes) in &image.segments {
-        unicorn.mem_write(u64::from(*address), bytes)?;
-    }
-    for (&(address, length), bytes) in board.memories.iter().zip(memories) {
-        unicorn.mem_map(u64::from(address), u64::from(length), Prot::ALL)?;
-        unicorn.mem_write(u64::from(address), bytes)?;
-    }
-    let (settings, sector) = board.settings;
-    let regions = [
-        (settings, 2 * sector),
-        (0x1ff0_0000, 0x10_0000),
-        (0x4000_0000, 0x2000_0000),
-        (0xe000_0000, 0x10_0000),
-    ];
-    for (base, length) in regions {
-        let (reads, writes) = (bus.clone(), bus.clone());
-        unicorn.mmio_map(
-            u64::from(base),
-            u64::from(length),
-            Some(move |_: &mut Unicorn<'_, ()>, offset: u64, size: usize| {
-                reads.borrow_mut().read(base + offset as u32, size)
-            }),
-            Some(move |_: &mut Unicorn<'_, ()>, offset: u64, size: usize, value: u64| {
-                writes.borrow_mut().write(base + offset as u32, size, value);
-            }),
-        )?;
-    }
-    Ok(())
-}
-
-fn hook_blocks(
-    unicorn: &mut Unicorn<'static, ()>,
-    bus: &Shared,
-    notes: &Rc<RefCell<Notes>>,
-    instructions: &Rc<RefCell<u64>>,
-) -> Result<(), uc_error> {
-    let (bus, notes, total) = (bus.clone(), notes.clone(), instructions.clone());
-    let mut known = HashMap::new();
-    unicorn.add_block_hook(1, 0, move |unicorn, address, size| {
-        let address = address as u32;
-        let mut count = |address, size| {
-            *known.entry((address, size)).or_insert_with(|| count(unicorn, address, size))
-        };
-        let mut bus = bus.borrow_mut();
-        let mut notes = notes.borrow_mut();
-        if let Some((address, size)) = notes.begin(address, size) {
-            let undone = count(address, size);
-            bus.now -= u64::from(undone) * bus.instruction;
-            *total.borrow_mut() -= u64::from(undone);
-        }
-        if notes.poll(address, bus.accesses) > POLLS_MAX {
-            bus.now = bus.now.max(bus.deadline);
-        }
-        let unmasked = || unicorn.reg_read(RegisterARM::PRIMASK).is_ok_and(|masked| masked == 0);
-        if bus.now >= bus.deadline || bus.core.is_waiting && bus.core.next().is_some() && unmasked() {
-            // What is not executed is not cut out of.
-            notes.bytes = 0;
-            let _ = unicorn.emu_stop();
-            return;
-        }
-        let count = count(address, size);
-        bus.now += u64::from(count) * bus.instruction;
-        *total.borrow_mut() += u64::from(count);
-    })?;
-    Ok(())
-}
-
-/// Instructions of a block: one of 32 bits begins with 0b11101, 0b11110 or 0b11111.
-fn count(unicorn: &Unicorn<'_, ()>, address: u32, size: u32) -> u32 {
-    let bytes = unicorn.mem_read_as_vec(u64::from(address), size as usize).unwrap_or_default();
-    let (mut at, mut count) = (0, 0);
-    while let Some(&high) = bytes.get(at + 1) {
-        at += if high >> 3 >= 0b11101 { 4 } else { 2 };
-        count += 1;
-    }
-    count
-}
-
-/// Hooks WFE, WFI and SEV, which Unicorn takes for nothing or for an end. Where the same bits are no instruction, a hook is never called.
-fn hook_hints(
-    unicorn: &mut Unicorn<'static, ()>,
-    image: &Image,
-    notes: &Rc<RefCell<Notes>>,
-) -> Result<(), uc_error> {
-    for (base, bytes) in &image.segments {
-        for (nth, pair) in bytes.chunks_exact(2).enumerate() {
-            let address = u64::from(base + 2 * nth as u32);
-            let notes = notes.clone();
-            match pair {
-                [0x40, 0xbf] => {
-                    unicorn.add_code_hook(address, address, move |_, _, _| notes.borrow_mut().event = true)?;
-                }
-                [0x20 | 0x30, 0xbf] => {
-                    unicorn.add_code_hook(address, address, move |unicorn, address, _| {
-                        notes.borrow_mut().sleeps = true;
-                        let _ = unicorn.reg_write(RegisterARM::PC, address + 2 | 1);
-                        let _ = unicorn.emu_stop();
-                    })?;
-                }
-                _ => {}
-            }
-        }
-    }
-    Ok(())
 }

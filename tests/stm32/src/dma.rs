@@ -60,7 +60,12 @@ impl Dma {
         (0..8).for_each(|stream| rows.push((FIRST + stream * STREAM_BYTES + 0x14, 0x21, ALL)));
         let mut mux: Vec<_> = (0..=0x3c).step_by(4).map(|offset| (offset, 0, ALL)).collect();
         mux.extend([(0x80, 0, 0), (0x84, 0, ALL)]);
-        Self { family, controllers: [Bank::new(&rows), Bank::new(&rows)], lengths: [[0; 8]; 2], mux: Bank::new(&mux) }
+        Self {
+            family,
+            controllers: [Bank::new(&rows), Bank::new(&rows)],
+            lengths: [[0; 8]; 2],
+            mux: Bank::new(&mux),
+        }
     }
 
     pub(crate) fn read(&self, controller: usize, offset: u32) -> Option<u32> {
@@ -129,7 +134,8 @@ impl Dma {
         }
         let size = 1 << bits(control, 13, 2);
         let step = if control >> 10 & 1 != 0 { (length - left) * size } else { 0 };
-        let item = Item { peripheral: bank.get(base + 8), memory: bank.get(base + 12) + step, bytes: size as usize };
+        let item =
+            Item { peripheral: bank.get(base + 8), memory: bank.get(base + 12) + step, bytes: size as usize };
         let left = left - 1;
         let is_circular = control >> 8 & 1 != 0;
         bank.set(base + 4, if left == 0 && is_circular { length } else { left });

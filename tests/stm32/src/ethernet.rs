@@ -95,11 +95,19 @@ impl Ethernet {
     }
 
     fn sends(&self) -> bool {
-        if self.is_new { self.registers.get(0x1104) & 1 != 0 } else { self.registers.get(0x1018) >> 13 & 1 != 0 }
+        if self.is_new {
+            self.registers.get(0x1104) & 1 != 0
+        } else {
+            self.registers.get(0x1018) >> 13 & 1 != 0
+        }
     }
 
     fn receives(&self) -> bool {
-        if self.is_new { self.registers.get(0x1108) & 1 != 0 } else { self.registers.get(0x1018) >> 1 & 1 != 0 }
+        if self.is_new {
+            self.registers.get(0x1108) & 1 != 0
+        } else {
+            self.registers.get(0x1018) >> 1 & 1 != 0
+        }
     }
 
     pub(crate) fn read(&self, offset: u32) -> Option<u32> {
@@ -258,7 +266,8 @@ impl Ethernet {
     }
 
     pub(crate) fn interrupts(&self) -> bool {
-        let (status, enabled) = (self.registers.get(self.layout.status), self.registers.get(self.layout.enabled));
+        let (status, enabled) =
+            (self.registers.get(self.layout.status), self.registers.get(self.layout.enabled));
         enabled & self.layout.summary != 0 && status & enabled & (SENT | RECEIVED) != 0
     }
 }

@@ -41,7 +41,14 @@ impl Flash {
             rows
         } else {
             // nDBANK of the F7: one bank, as delivered.
-            vec![(0, 0, ALL), (8, 0, 0), (0xc, 0, 0), (0x10, 1 << 31, ALL), (0x14, 0x2fff_aaed, ALL), (0x18, 0, ALL)]
+            vec![
+                (0, 0, ALL),
+                (8, 0, 0),
+                (0xc, 0, 0),
+                (0x10, 1 << 31, ALL),
+                (0x14, 0x2fff_aaed, ALL),
+                (0x18, 0, ALL),
+            ]
         };
         Self {
             family: board.family,
@@ -174,7 +181,8 @@ impl Flash {
             return self.flag(1 << 18);
         }
         let within = (address - self.cells.base()) % WORD_BYTES as u32;
-        let (start, mut data, mut there) = self.word.take().unwrap_or((address - within, [0xff; WORD_BYTES], 0));
+        let (start, mut data, mut there) =
+            self.word.take().unwrap_or((address - within, [0xff; WORD_BYTES], 0));
         if start != address - within {
             return self.flag(1 << 21);
         }

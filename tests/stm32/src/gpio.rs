@@ -58,7 +58,7 @@ impl Gpio {
         match self.driven.get(&pin) {
             _ if bits(port.get(0), 2 * number, 2) == 1 => port.get(ODR) >> number & 1 != 0,
             Some(Drive::Level(level)) => *level,
-            Some(Drive::Clock) => self.looks % 2 == 0,
+            Some(Drive::Clock) => self.looks.is_multiple_of(2),
             None => bits(port.get(0xc), 2 * number, 2) == 1,
         }
     }

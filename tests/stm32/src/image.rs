@@ -21,8 +21,9 @@ impl Image {
         let file = ElfFile32::<Endianness>::parse(&*bytes).map_err(|error| fault(&error))?;
         let mut segments = Vec::new();
         for header in file.elf_program_headers() {
-            let data =
-                header.data(file.endian(), &*bytes).map_err(|()| fault(&"a segment ends outside the file"))?;
+            let data = header
+                .data(file.endian(), &*bytes)
+                .map_err(|()| fault(&"a segment ends outside the file"))?;
             if header.p_type(file.endian()) == elf::PT_LOAD && !data.is_empty() {
                 segments.push((header.p_paddr(file.endian()), data.to_vec()));
             }

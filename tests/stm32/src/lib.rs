@@ -15,6 +15,7 @@ mod dma;
 mod ethernet;
 mod flash;
 mod gpio;
+mod hooks;
 mod image;
 mod lines;
 mod machine;

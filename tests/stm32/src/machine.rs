@@ -6,7 +6,8 @@ use std::time::Duration;
 
 use crate::bus::Bus;
 use crate::chip::Board;
-use crate::cpu::{Cpu, Shared};
+use crate::cpu::Cpu;
+use crate::hooks::Shared;
 use crate::image::Image;
 use crate::phy::Phy;
 use crate::rcc::Reset;
@@ -58,7 +59,8 @@ impl Machine {
         let image = Image::of_board(board.name)?;
         let bus = Rc::new(RefCell::new(Bus::new(board, Phy::new(is_there))));
         let instructions = Rc::default();
-        let cpu = Cpu::new(&board, &image, &random(&board), &bus, &instructions).map_err(|error| format!("{error:?}"))?;
+        let cpu = Cpu::new(&board, &image, &random(&board), &bus, &instructions)
+            .map_err(|error| format!("{error:?}"))?;
         Ok(Self { board, image, bus, cpu, instructions, resets: Vec::new(), faults: Vec::new() })
     }
 
@@ -102,7 +104,8 @@ impl Machine {
                 let result = self.cpu.execute();
                 result.map_err(|what| Stop::Fault(format!("{what} {}", self.place())))?;
                 if let Some((at, touched)) = self.cpu.last_fault.take() {
-                    let touched = touched.map_or_else(String::new, |address| format!(", by access to {address:#010x}"));
+                    let touched =
+                        touched.map_or_else(String::new, |address| format!(", by access to {address:#010x}"));
                     self.faults.push(format!("at {at:#010x} of {}{touched}", self.image.function(at)));
                 }
             }
@@ -136,14 +139,21 @@ impl Machine {
     /// Where the program is.
     pub fn place(&self) -> String {
         let block = self.cpu.block();
-        let faults = if self.faults.is_empty() { String::new() } else { format!(" and the faults {:?}", &self.faults[..self.faults.len().min(3)]) };
-        let (function, now, resets) = (self.image.function(block), self.now(), &self.resets[..self.resets.len().min(3)]);
+        let faults = if self.faults.is_empty() {
+            String::new()
+        } else {
+            format!(" and the faults {:?}", &self.faults[..self.faults.len().min(3)])
+        };
+        let (function, now, resets) =
+            (self.image.function(block), self.now(), &self.resets[..self.resets.len().min(3)]);
         format!("in the block at {block:#010x} of {function}, after {now:?}, the resets {resets:?}{faults}")
     }
 
     fn name(&self, address: u32) -> String {
         match crate::chip::device(self.board.family, address) {
-            Some((device, offset)) => format!("{address:#010x}, which is {device:?} + {offset:#x}, a register without a model,"),
+            Some((device, offset)) => {
+                format!("{address:#010x}, which is {device:?} + {offset:#x}, a register without a model,")
+            }
             None => format!("{address:#010x}, which has no model,"),
         }
     }

@@ -19,17 +19,17 @@ pub enum Reset {
 
 /// Frequencies in hertz.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Clocks {
+pub(crate) struct Clocks {
     /// The processor's.
-    pub core: u64,
+    pub(crate) core: u64,
     /// Of the slower peripherals' bus: USART2, USART3, UART4, UART5.
-    pub slow: u64,
+    pub(crate) slow: u64,
     /// Of the faster peripherals' bus: USART6, SPI1.
-    pub fast: u64,
+    pub(crate) fast: u64,
     /// Of the timers on the slower bus.
-    pub timers: u64,
+    pub(crate) timers: u64,
     /// Of the SPI.
-    pub spi: u64,
+    pub(crate) spi: u64,
 }
 
 /// The registers of one of the two generations.
@@ -58,8 +58,11 @@ impl Rcc {
         let h7 = family == Family::H7;
         let mut registers = Bank::new(&rows(h7));
         // Every reset pulls the pin as well.
-        let (register, power, pin, software, watchdog) =
-            if h7 { (0xd0, 1 << 21 | 1 << 23, 1 << 22, 1 << 24, 1 << 26) } else { (0x74, 3 << 26 | 1 << 25, 1 << 26, 1 << 28, 1 << 29) };
+        let (register, power, pin, software, watchdog) = if h7 {
+            (0xd0, 1 << 21 | 1 << 23, 1 << 22, 1 << 24, 1 << 26)
+        } else {
+            (0x74, 3 << 26 | 1 << 25, 1 << 26, 1 << 28, 1 << 29)
+        };
         let flags = match cause {
             Reset::Power => power,
             Reset::Software => software,
@@ -171,14 +174,16 @@ fn rows(h7: bool) -> Vec<(u32, u32, u32)> {
         let mut rows = vec![(0, 0x83, ALL), (0x28, 0x0202_0200, ALL), (0x2c, 0x01ff_0000, ALL)];
         rows.extend([0x30, 0x38, 0x40].map(|offset| (offset, 0x0101_0280, ALL)));
         // Configurations, dividers, choices of clocks, resets.
-        let plain = [0x04, 0x08, 0x10, 0x18, 0x1c, 0x20, 0x34, 0x3c, 0x44, 0x4c, 0x50, 0x54, 0x58, 0x60, 0x64, 0x68];
+        let plain =
+            [0x04, 0x08, 0x10, 0x18, 0x1c, 0x20, 0x34, 0x3c, 0x44, 0x4c, 0x50, 0x54, 0x58, 0x60, 0x64, 0x68];
         rows.extend(plain.map(|offset| (offset, 0, ALL)));
         rows.extend([(0x70, 0, ALL), (0x74, 0, 1), (0xd0, 0, 0)]);
         rows.extend((0x7c..=0xa0).step_by(4).map(|offset| (offset, 0, ALL)));
         rows.extend((0xd4..=0x11c).step_by(4).map(|offset| (offset, 0, ALL)));
         return rows;
     }
-    let mut rows = vec![(0, 0x83, ALL), (4, 0x2400_3010, ALL), (8, 0, ALL), (0xc, 0, 0), (0x70, 0, ALL), (0x74, 0, 1)];
+    let mut rows =
+        vec![(0, 0x83, ALL), (4, 0x2400_3010, ALL), (8, 0, ALL), (0xc, 0, 0), (0x70, 0, ALL), (0x74, 0, 1)];
     // Resets, clocks on, clocks on while asleep; spread spectrum, further PLLs, choices of clocks.
     let ranges = [0x10..=0x18, 0x20..=0x24, 0x30..=0x38, 0x40..=0x44, 0x50..=0x58, 0x60..=0x64, 0x80..=0x90];
     rows.extend(ranges.into_iter().flat_map(|range| range.step_by(4)).map(|offset| (offset, 0, ALL)));

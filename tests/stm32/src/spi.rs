@@ -29,7 +29,15 @@ impl Spi {
         if !h7 {
             rows.push((4, 0x700, ALL));
         }
-        Self { h7, registers: Bank::new(&rows), received: 0, sending: 0, ends_at: None, clock_hz: 1, left: None }
+        Self {
+            h7,
+            registers: Bank::new(&rows),
+            received: 0,
+            sending: 0,
+            ends_at: None,
+            clock_hz: 1,
+            left: None,
+        }
     }
 
     fn frame(&self) -> Time {

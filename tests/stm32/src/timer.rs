@@ -27,7 +27,15 @@ impl Timer {
     pub(crate) fn new() -> Self {
         let mut rows: Vec<_> = (0..=0x34).step_by(4).map(|offset| (offset, 0, ALL)).collect();
         rows.extend([(0x2c, ALL, ALL), (0x50, 0, ALL)]);
-        Self { registers: Bank::new(&rows), base: 0, since: 0, divider: 1, clock_hz: 1, running: false, compare_at: None }
+        Self {
+            registers: Bank::new(&rows),
+            base: 0,
+            since: 0,
+            divider: 1,
+            clock_hz: 1,
+            running: false,
+            compare_at: None,
+        }
     }
 
     fn count(&self, now: Time) -> u32 {

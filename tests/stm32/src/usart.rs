@@ -188,7 +188,8 @@ impl Usart {
         let format = self.format();
         let mut begin = now;
         let has_driver = self.layout.clear.is_some() && self.control(3) >> 14 & 1 != 0;
-        if has_driver && self.driver_off_at.take().is_none() && self.driver.last().is_none_or(|&(_, on)| !on) {
+        if has_driver && self.driver_off_at.take().is_none() && self.driver.last().is_none_or(|&(_, on)| !on)
+        {
             self.driver.push((now, true));
             begin += format.time(bits(self.control(1), 21, 5)) / 16;
         }

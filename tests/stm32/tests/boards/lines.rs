@@ -22,7 +22,8 @@ pub(crate) fn check_frame(machine: &Machine, line: Uart, sent: &[Sent]) {
     // A bit takes 52 us: the driver is on two bits before at most, and off one bit behind.
     let (before, behind) = (Duration::from_micros(110), Duration::from_micros(60));
     for character in sent {
-        let &(on, _) = driver.iter().rfind(|(at, on)| *on && *at <= character.begin).expect("the driver is never on");
+        let &(on, _) =
+            driver.iter().rfind(|(at, on)| *on && *at <= character.begin).expect("the driver is never on");
         let &(off, _) = driver.iter().find(|(at, is_on)| !*is_on && *at > on).expect("the driver stays on");
         assert!(off >= character.end, "the driver goes off within a character on {line:?}");
         assert!(on + before > sent[0].begin, "the driver is on too early on {line:?}");

@@ -44,7 +44,11 @@ fn a_power_cut_at_any_operation_of_a_save_leaves_the_old_or_the_new_settings(boa
         // And saving works.
         old = new;
         set_up(&mut machine, &[&old]);
-        assert_eq!(machine.type_line("save").unwrap().trim(), "saved", "after a cut at operation {operation}");
+        assert_eq!(
+            machine.type_line("save").unwrap().trim(),
+            "saved",
+            "after a cut at operation {operation}"
+        );
     }
     assert!(kept[0] > 0, "no cut was before the moment that decides: {kept:?}");
 }
@@ -63,7 +67,11 @@ fn a_power_cut_at_any_operation_of_the_first_start_leaves_a_board_that_saves(boa
         machine.power_cycle();
         wait_for_prompt(&mut machine);
         let line = set(&mut machine, 9600);
-        assert_eq!(machine.type_line("save").unwrap().trim(), "saved", "after a cut at operation {operation}");
+        assert_eq!(
+            machine.type_line("save").unwrap().trim(),
+            "saved",
+            "after a cut at operation {operation}"
+        );
         machine.power_cycle();
         wait_for_prompt(&mut machine);
         assert_eq!(baud(&mut machine), line);

@@ -14,6 +14,7 @@ use crate::chip::{self, Board};
 use crate::core::HARD_FAULT;
 use crate::hooks::{self, Notes, Shared};
 use crate::image::Image;
+use crate::work::Work;
 
 /// The value of LR that a handler returns to.
 const RETURN: u32 = 0xffff_fff9;
@@ -67,13 +68,13 @@ impl Cpu {
         image: &Image,
         memories: &[Vec<u8>],
         bus: &Shared,
-        instructions: &Rc<RefCell<u64>>,
+        work: &Rc<RefCell<Work>>,
     ) -> Result<Self, uc_error> {
         let mut unicorn = Unicorn::new(Arch::ARM, Mode::THUMB)?;
         unicorn.ctl_set_cpu_model(ArmCpuModel::CORTEX_M7 as i32)?;
         hooks::map(&mut unicorn, board, image, memories, bus)?;
         let notes = Rc::new(RefCell::new(Notes::default()));
-        hooks::hook_blocks(&mut unicorn, bus, &notes, instructions)?;
+        hooks::hook_blocks(&mut unicorn, bus, &notes, work)?;
         hooks::hook_hints(&mut unicorn, image, &notes)?;
         hooks::hook_faults(&mut unicorn, &notes)?;
         let mut cpu =

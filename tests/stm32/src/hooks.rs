@@ -1,7 +1,6 @@
 //! What Unicorn is told and calls back: memories, peripherals, blocks of instructions, and those that it takes for nothing.
 
 use std::cell::RefCell;
-use std::collections::HashMap;
 use std::rc::Rc;
 
 use unicorn_engine::{HookType, Prot, RegisterARM, Unicorn, uc_error};
@@ -9,6 +8,7 @@ use unicorn_engine::{HookType, Prot, RegisterARM, Unicorn, uc_error};
 use crate::bus::Bus;
 use crate::chip::{self, Board};
 use crate::image::Image;
+use crate::work::{Block, Work};
 
 pub(crate) type Shared = Rc<RefCell<Bus>>;
 
@@ -52,7 +52,7 @@ impl Notes {
     }
 
     /// Notes the block that begins; the part of the last one that was not executed: see [`Self::poll`].
-    fn begin(&mut self, block: u32, bytes: u32) -> Option<(u32, u32)> {
+    fn begin(&mut self, block: u32, bytes: u32) -> Option<Block> {
         let end = self.block + self.bytes;
         let is_cut_out = bytes <= 4 && block >= self.block && block + bytes < end;
         (self.block, self.bytes) = (block, bytes);
@@ -102,20 +102,15 @@ pub(crate) fn hook_blocks(
     unicorn: &mut Unicorn<'static, ()>,
     bus: &Shared,
     notes: &Rc<RefCell<Notes>>,
-    instructions: &Rc<RefCell<u64>>,
+    work: &Rc<RefCell<Work>>,
 ) -> Result<(), uc_error> {
-    let (bus, notes, total) = (bus.clone(), notes.clone(), instructions.clone());
-    let mut known = HashMap::new();
+    let (bus, notes, work) = (bus.clone(), notes.clone(), work.clone());
     unicorn.add_block_hook(1, 0, move |unicorn, address, size| {
         let address = address as u32;
-        let mut count =
-            |address, size| *known.entry((address, size)).or_insert_with(|| count(unicorn, address, size));
-        let mut bus = bus.borrow_mut();
-        let mut notes = notes.borrow_mut();
-        if let Some((address, size)) = notes.begin(address, size) {
-            let undone = count(address, size);
+        let (mut bus, mut notes, mut work) = (bus.borrow_mut(), notes.borrow_mut(), work.borrow_mut());
+        if let Some(undone) = notes.begin(address, size) {
+            let undone = work.take_back(undone, || count(unicorn, undone));
             bus.now -= u64::from(undone) * bus.instruction;
-            *total.borrow_mut() -= u64::from(undone);
         }
         if notes.poll(address, bus.accesses) > POLLS_MAX {
             bus.now = bus.now.max(bus.deadline);
@@ -127,15 +122,14 @@ pub(crate) fn hook_blocks(
             let _ = unicorn.emu_stop();
             return;
         }
-        let count = count(address, size);
-        bus.now += u64::from(count) * bus.instruction;
-        *total.borrow_mut() += u64::from(count);
+        let done = work.add((address, size), || count(unicorn, (address, size)));
+        bus.now += u64::from(done) * bus.instruction;
     })?;
     Ok(())
 }
 
 /// Instructions of a block: one of 32 bits begins with 0b11101, 0b11110 or 0b11111.
-fn count(unicorn: &Unicorn<'_, ()>, address: u32, size: u32) -> u32 {
+fn count(unicorn: &Unicorn<'_, ()>, (address, size): Block) -> u32 {
     let bytes = unicorn.mem_read_as_vec(u64::from(address), size as usize).unwrap_or_default();
     let (mut at, mut count) = (0, 0);
     while let Some(&high) = bytes.get(at + 1) {

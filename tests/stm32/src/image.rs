@@ -11,6 +11,8 @@ pub struct Image {
     pub(crate) segments: Vec<(u32, Vec<u8>)>,
     /// Where functions begin, sorted.
     functions: Vec<(u32, String)>,
+    /// Where the stack's memory begins and ends.
+    pub(crate) stack: (u32, u32),
 }
 
 impl Image {
@@ -34,7 +36,9 @@ impl Image {
             .filter(|(_, name)| !name.starts_with('$'))
             .collect();
         functions.sort();
-        Ok(Self { segments, functions })
+        let symbol = |name: &str| file.symbol_by_name(name).map(|symbol| symbol.address() as u32);
+        let stack = (symbol("_stack_end").unwrap_or_default(), symbol("_stack_start").unwrap_or_default());
+        Ok(Self { segments, functions, stack })
     }
 
     /// Reads the image of a board, as `cargo xtask board NAME build` leaves it.

@@ -28,6 +28,7 @@ mod time;
 mod timer;
 mod usart;
 mod watchdog;
+mod work;
 
 pub use character::{CONSOLE, Character, Format, Parity, RTU};
 pub use chip::{Board, Family, NUCLEO_F429ZI, NUCLEO_F767ZI, NUCLEO_H743ZI};

@@ -1,6 +1,7 @@
 //! A board with its image: power, time, and what a person or a device at its connectors sees.
 
 use std::cell::RefCell;
+use std::collections::BTreeMap;
 use std::rc::Rc;
 use std::time::Duration;
 
@@ -12,6 +13,7 @@ use crate::image::Image;
 use crate::phy::Phy;
 use crate::rcc::Reset;
 use crate::time::{self, Time};
+use crate::work::Work;
 
 /// Why a run stopped before its time.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -37,7 +39,7 @@ pub struct Machine {
     image: Image,
     pub(crate) bus: Shared,
     pub(crate) cpu: Cpu,
-    instructions: Rc<RefCell<u64>>,
+    work: Rc<RefCell<Work>>,
     /// Why it was reset, each time.
     pub resets: Vec<Reset>,
     /// Where the program was at each fault, and what it touched.
@@ -58,10 +60,10 @@ impl Machine {
     fn with_phy(board: Board, is_there: bool) -> Result<Self, String> {
         let image = Image::of_board(board.name)?;
         let bus = Rc::new(RefCell::new(Bus::new(board, Phy::new(is_there))));
-        let instructions = Rc::default();
-        let cpu = Cpu::new(&board, &image, &random(&board), &bus, &instructions)
-            .map_err(|error| format!("{error:?}"))?;
-        Ok(Self { board, image, bus, cpu, instructions, resets: Vec::new(), faults: Vec::new() })
+        let work = Rc::default();
+        let cpu =
+            Cpu::new(&board, &image, &random(&board), &bus, &work).map_err(|error| format!("{error:?}"))?;
+        Ok(Self { board, image, bus, cpu, work, resets: Vec::new(), faults: Vec::new() })
     }
 
     /// Time since the first power-up.
@@ -71,7 +73,31 @@ impl Machine {
 
     /// Instructions executed since the first power-up.
     pub fn instructions(&self) -> u64 {
-        *self.instructions.borrow()
+        self.work.borrow().total
+    }
+
+    /// The functions that executed most instructions since this was last asked, and how many.
+    pub fn busiest(&mut self) -> Vec<(i64, String)> {
+        let mut functions = BTreeMap::<_, i64>::new();
+        for (address, executed) in self.work.borrow_mut().take() {
+            *functions.entry(self.image.function(address).to_owned()).or_default() += executed;
+        }
+        let mut functions: Vec<_> = functions.into_iter().map(|(name, executed)| (executed, name)).collect();
+        functions.sort_by_key(|(executed, _)| std::cmp::Reverse(*executed));
+        functions
+    }
+
+    /// Bytes of the stack's memory that hold what they did when the power came, and all of them. Before a reset.
+    pub fn stack_free(&self) -> (usize, usize) {
+        let (end, start) = self.image.stack;
+        let (before, now) = (random(&self.board), self.cpu.memories(&self.board));
+        let memories = self.board.memories.iter().zip(before.iter().zip(&now));
+        let at = |&&(&(base, length), _): &&_| (base..base + length).contains(&end);
+        let memories: Vec<_> = memories.collect();
+        let Some(((base, _), (before, now))) = memories.iter().find(at) else { return (0, 0) };
+        let (from, to) = ((end - base) as usize, (start - base) as usize);
+        let pairs = before[from..to].iter().zip(&now[from..to]);
+        (pairs.take_while(|(before, now)| before == now).count(), to - from)
     }
 
     /// Runs for so long.
@@ -165,7 +191,7 @@ impl Machine {
         self.resets.push(cause);
         self.bus.borrow_mut().reset(cause);
         // It has been made in the same way before.
-        if let Ok(cpu) = Cpu::new(&self.board, &self.image, &memories, &self.bus, &self.instructions) {
+        if let Ok(cpu) = Cpu::new(&self.board, &self.image, &memories, &self.bus, &self.work) {
             self.cpu = cpu;
         }
     }

@@ -34,6 +34,11 @@ impl Machine {
         self.bus.borrow_mut().ethernet.phy.has_cable = is_in;
     }
 
+    /// Frames from the network for which the program had no room.
+    pub fn frames_dropped(&self) -> usize {
+        self.bus.borrow().ethernet.dropped
+    }
+
     /// Lets the program go on where there is no memory, as after a flipped bit.
     pub fn mislead(&mut self, address: u32) {
         self.cpu.jump(address);

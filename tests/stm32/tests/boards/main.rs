@@ -4,9 +4,11 @@ use std::time::Duration;
 
 use mobgate_stm32_emulator::{Board, CONSOLE, Machine, Uart};
 
+mod clients;
 mod console;
 mod ends;
 mod lines;
+mod memory;
 mod network;
 mod power;
 mod settings;

@@ -9,10 +9,10 @@ use crate::{on_each_board, set_up, started, wait_for_prompt};
 
 on_each_board!(a_tcp_client_reaches_a_device_on_a_line, without_a_phy_the_console_and_the_lines_are_there);
 
-const STATION: [u8; 4] = [192, 168, 7, 1];
-const BOARD: [u8; 4] = [192, 168, 7, 2];
+pub(crate) const STATION: [u8; 4] = [192, 168, 7, 1];
+pub(crate) const BOARD: [u8; 4] = [192, 168, 7, 2];
 /// What a serial line and a server on TCP need.
-const SETTINGS: &[&str] = &[
+pub(crate) const SETTINGS: &[&str] = &[
     "network address 192.168.7.2/24",
     "port P1 serial uart1 rtu client 19200 8E1",
     "port P502 tcp server 502",

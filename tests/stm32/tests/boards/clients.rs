@@ -1,0 +1,117 @@
+//! Many TCP clients at a time, at a line of 115200 baud.
+
+use std::time::Duration;
+
+use mobgate_stm32_emulator::{Board, Character, Client, Family, Format, Machine, Network, Parity, Uart};
+
+use crate::lines::bytes;
+use crate::network::{BOARD, STATION};
+use crate::{on_each_board, set_up, started};
+
+on_each_board!(as_many_clients_as_the_board_has_are_served_at_a_time, a_transaction_takes_few_instructions);
+
+const FAST: Format = Format { baud: 115_200, data_bits: 8, parity: Parity::Even, stop_bits: 1 };
+const ROUNDS: u16 = 5;
+/// Of a transaction from TCP to RTU, on every board: what it takes now, and some more. It is to take 30 000.
+const INSTRUCTIONS_MAX: u64 = 56_000;
+
+/// The CRC of RTU.
+fn crc(bytes: &[u8]) -> [u8; 2] {
+    let crc = bytes.iter().fold(0xffff_u16, |crc, &byte| {
+        (0..8).fold(crc ^ u16::from(byte), |crc, _| crc >> 1 ^ if crc & 1 != 0 { 0xa001 } else { 0 })
+    });
+    crc.to_le_bytes()
+}
+
+/// Lets a device respond to what the board has sent: the register that it is asked for, and the unit.
+fn respond(machine: &mut Machine, asked: &mut Vec<u8>) {
+    let sent = machine.sent(Uart::Line1);
+    if let (Some(first), Some(last)) = (sent.first(), sent.last()) {
+        let Character { format, .. } = first.character;
+        assert_eq!(format.parity, FAST.parity);
+        assert!(last.end > first.begin);
+    }
+    asked.extend(bytes(&sent));
+    if asked.len() == 8 {
+        assert_eq!(asked[6..], crc(&asked[..6]));
+        let mut response = vec![asked[0], 3, 2, asked[3], asked[0]];
+        response.extend(crc(&response));
+        machine.send(Uart::Line1, &response, FAST);
+        asked.clear();
+    }
+}
+
+/// A board with a client of its own at 192.168.7.1, for a line of 115200 baud.
+fn routing(board: Board) -> Machine {
+    let mut machine = started(board);
+    set_up(
+        &mut machine,
+        &[
+            "network address 192.168.7.2/24",
+            "port P1 serial uart1 rtu client 115200 8E1",
+            "port P502 tcp server 502",
+            "route P502 1-64 * * P1",
+        ],
+    );
+    // A client that has just opened its line waits for what may still be on its way from before.
+    machine.run(Duration::from_secs(2)).unwrap();
+    machine
+}
+
+fn a_transaction_takes_few_instructions(board: Board) {
+    let mut machine = routing(board);
+    let mut network = Network::new(STATION);
+    let client = network.connect(&mut machine, BOARD, 502).unwrap();
+    let mut asked = Vec::new();
+    let mut fewest = u64::MAX;
+    for round in 0..ROUNDS {
+        // The acknowledgement of the last response is not this one's.
+        network.run(&mut machine, Duration::from_millis(20), |_| false).unwrap();
+        let before = machine.instructions();
+        machine.busiest();
+        network.send(client, round, 1, &[3, 0, 7, 0, 1]);
+        let mut response = None;
+        while response.is_none() {
+            network.run(&mut machine, Duration::from_micros(200), |_| false).unwrap();
+            respond(&mut machine, &mut asked);
+            response = network.receive(client);
+        }
+        fewest = fewest.min(machine.instructions() - before);
+    }
+    println!("{}: a transaction from TCP to RTU takes {fewest} instructions", board.name);
+    let busiest = machine.busiest();
+    assert!(fewest <= INSTRUCTIONS_MAX, "{fewest}; the last one: {:#?}", &busiest[..20]);
+}
+
+fn as_many_clients_as_the_board_has_are_served_at_a_time(board: Board) {
+    let clients = if board.family == Family::F4 { 8 } else { 16 };
+    let mut machine = routing(board);
+    let mut network = Network::new(STATION);
+    let clients: Vec<Client> =
+        (0..clients).map(|_| network.connect(&mut machine, BOARD, 502).unwrap()).collect();
+    let mut asked = Vec::new();
+    for round in 0..ROUNDS {
+        for (unit, &client) in (1..).zip(&clients) {
+            network.send(client, round, unit, &[3, 0, round as u8 + unit, 0, 1]);
+            // The Ethernet has room for four frames that are not looked at yet.
+            network.run(&mut machine, Duration::from_micros(50), |_| false).unwrap();
+        }
+        let mut waiting: Vec<_> = (1..).zip(clients.iter().copied()).collect();
+        let end = machine.now() + Duration::from_secs(1);
+        while !waiting.is_empty() {
+            let dropped = machine.frames_dropped();
+            assert!(machine.now() < end, "{waiting:?} have no response; {dropped} frames were dropped");
+            network.run(&mut machine, Duration::from_micros(200), |_| false).unwrap();
+            respond(&mut machine, &mut asked);
+            waiting.retain(|&(unit, client)| {
+                let Some(response) = network.receive(client) else { return true };
+                assert_eq!(response, (round, unit, vec![3, 2, round as u8 + unit, unit]));
+                false
+            });
+        }
+    }
+    let stats = machine.type_line("show stats").unwrap();
+    let expected = clients.len() * usize::from(ROUNDS);
+    let row = stats.lines().find(|line| line.split_whitespace().take(2).eq(["P1", "answers"]));
+    assert_eq!(row.and_then(|row| row.split_whitespace().nth(2)?.parse().ok()), Some(expected), "{stats}");
+}

@@ -19,7 +19,7 @@ use crate::{Interrupt, SharedChip, now};
 pub use conditions::{SpiFaults, Timing, Traffic};
 use device::Device;
 use mobgate_world::random::Random;
-pub use spi::Spi;
+pub use spi::{Pins, Spi};
 
 /// A test's handle on the chip, to set faults and read counters.
 #[derive(Clone)]
@@ -41,6 +41,11 @@ impl Lan9252 {
     /// The processor's SPI.
     pub fn spi(&self) -> Spi {
         Spi::new(self.0.clone())
+    }
+
+    /// The same pin by pin.
+    pub fn pins(&self) -> Pins {
+        Pins::new(self.0.clone())
     }
 
     /// The interrupt pin.

@@ -8,11 +8,12 @@ use crate::chip::{self, Board, Device, Family, UARTS};
 use crate::core::Core;
 use crate::dma::{Dma, Item, Request};
 use crate::ethernet::Ethernet;
+use crate::exti::Exti;
 use crate::flash::{Access, Flash};
-use crate::gpio::{Drive, Gpio, REFERENCE_CLOCK};
+use crate::gpio::{Drive, Gpio, REFERENCE_CLOCK, SPI_INTERRUPT, SPI_SELECT};
 use crate::phy::Phy;
 use crate::rcc::{Clocks, Rcc, Reset};
-use crate::spi::Spi;
+use crate::spi::{Spi, Target};
 use crate::time::{SECOND, Time};
 use crate::timer::Timer;
 use crate::usart::Usart;
@@ -45,7 +46,9 @@ pub(crate) struct Bus {
     pub(crate) ethernet: Ethernet,
     pub(crate) pwr: Bank,
     pub(crate) syscfg: Bank,
-    pub(crate) exti: Bank,
+    exti: Exti,
+    /// What is at the SPI.
+    pub(crate) target: Option<Box<dyn Target>>,
     axi: Bank,
     /// Reads and writes of the program's, of all peripherals.
     pub(crate) accesses: (u64, u64),
@@ -96,7 +99,8 @@ impl Bus {
             ethernet: Ethernet::new(h7, phy),
             pwr: power(family),
             syscfg: plain(0x2c),
-            exti: plain(0xa8),
+            exti: Exti::new(h7),
+            target: None,
             axi: Bank::new(&[(0x108, 0, ALL)]),
             accesses: (0, 0),
             stalled_until: 0,
@@ -117,6 +121,7 @@ impl Bus {
         std::mem::swap(fresh.gpio.driven(), self.gpio.driven());
         std::mem::swap(&mut fresh.uarts, &mut self.uarts);
         fresh.uarts.iter_mut().for_each(Usart::reset);
+        fresh.target = self.target.take();
         *self = fresh;
     }
 
@@ -214,7 +219,15 @@ impl Bus {
             Device::Flash => self.flash.write(offset, value, now).map(|()| self.touch_flash(false)),
             Device::Syscfg => self.syscfg.write(offset, value),
             Device::Exti => self.exti.write(offset, value),
-            Device::Gpio => self.gpio.write(offset, value, now),
+            Device::Gpio => {
+                let before = self.gpio.level(SPI_SELECT);
+                self.gpio.write(offset, value, now)?;
+                let after = self.gpio.level(SPI_SELECT);
+                if let Some(target) = self.target.as_mut().filter(|_| before != after) {
+                    target.select(!after, now);
+                }
+                Some(())
+            }
             Device::Watchdog => self.watchdog.write(offset, value, now),
             Device::Timer => self.timer.write(offset, value, now, self.clocks.timers),
             Device::Uart(uart) => {
@@ -262,11 +275,24 @@ impl Bus {
         let now = self.now;
         self.timer.advance(now);
         self.flash.advance(now);
-        self.spi.advance(now);
+        self.spi.advance(now, self.target.as_deref_mut());
+        self.look_at_target();
         self.ethernet.advance(now, memory);
         self.uarts.iter_mut().for_each(|uart| uart.advance(now));
         self.transfer(memory);
         self.collect_interrupts();
+    }
+
+    /// Lets the interrupt pin of what is at the SPI have its level, and notes an edge.
+    fn look_at_target(&mut self) {
+        let Some(target) = &self.target else { return };
+        let level = Drive::Level(target.interrupt(self.now));
+        let before = self.gpio.driven().insert(SPI_INTERRUPT, level);
+        // SYSCFG_EXTICR4: port D for line 15.
+        let is_connected = self.syscfg.get(0x14) >> 12 & 0xf == SPI_INTERRUPT.0 as u32;
+        if before != Some(level) && is_connected {
+            self.exti.edge(SPI_INTERRUPT.1, level == Drive::Level(true));
+        }
     }
 
     fn transfer(&mut self, memory: &mut impl Memory) {
@@ -327,6 +353,7 @@ impl Bus {
         self.core.raise(chip::TIMER_INTERRUPT, self.timer.interrupts());
         self.core.raise(chip::FLASH_INTERRUPT, self.flash.interrupts());
         self.core.raise(chip::SPI_INTERRUPT, self.spi.interrupts());
+        self.core.raise(chip::EXTI_INTERRUPT, self.exti.interrupts());
         self.core.raise(chip::ETHERNET_INTERRUPT, self.ethernet.interrupts());
         for (uart, (_, _, number)) in self.uarts.iter_mut().zip(UARTS) {
             if std::mem::take(&mut uart.pulse) {

@@ -96,6 +96,7 @@ pub(crate) const DMA_INTERRUPTS: [[usize; 8]; 2] =
     [[11, 12, 13, 14, 15, 16, 17, 47], [56, 57, 58, 59, 60, 68, 69, 70]];
 pub(crate) const FLASH_INTERRUPT: usize = 4;
 pub(crate) const SPI_INTERRUPT: usize = 35;
+pub(crate) const EXTI_INTERRUPT: usize = 40;
 pub(crate) const TIMER_INTERRUPT: usize = 50;
 pub(crate) const ETHERNET_INTERRUPT: usize = 61;
 

@@ -16,6 +16,10 @@ pub(crate) type Pin = (usize, u32);
 /// The PHY's clock: PA1.
 pub(crate) const REFERENCE_CLOCK: Pin = (0, 1);
 
+/// Selects what is at the SPI: PD14. Interrupts: PD15.
+pub(crate) const SPI_SELECT: Pin = (3, 14);
+pub(crate) const SPI_INTERRUPT: Pin = (3, 15);
+
 /// What drives a pin from outside.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Drive {
@@ -53,7 +57,7 @@ impl Gpio {
         Some((0..16).filter(|&pin| self.level((port, pin))).fold(0, |levels, pin| levels | 1 << pin))
     }
 
-    fn level(&self, pin: Pin) -> bool {
+    pub(crate) fn level(&self, pin: Pin) -> bool {
         let (port, number) = (&self.ports[pin.0], pin.1);
         match self.driven.get(&pin) {
             _ if bits(port.get(0), 2 * number, 2) == 1 => port.get(ODR) >> number & 1 != 0,

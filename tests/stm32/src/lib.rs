@@ -13,6 +13,7 @@ mod core;
 mod cpu;
 mod dma;
 mod ethernet;
+mod exti;
 mod flash;
 mod gpio;
 mod hooks;

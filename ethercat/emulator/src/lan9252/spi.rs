@@ -27,6 +27,41 @@ pub struct Spi {
     owed: Nanos,
 }
 
+/// The pins of the SPI, for a processor that is emulated itself and has a time of its own: that is told with each byte.
+pub struct Pins {
+    device: Rc<RefCell<Device>>,
+    session: Option<Session>,
+}
+
+impl Pins {
+    pub(super) fn new(device: Rc<RefCell<Device>>) -> Self {
+        Self { device, session: None }
+    }
+
+    /// The select line goes low, or high again.
+    pub fn select(&mut self, is_low: bool, at: Nanos) {
+        if is_low && self.session.is_none() {
+            self.device.borrow_mut().traffic.selects += 1;
+            self.session = Some(Session::default());
+        } else if !is_low && let Some(session) = self.session.take() {
+            session.end(&mut self.device.borrow_mut(), at);
+        }
+    }
+
+    /// A byte goes out while another one comes back. Without the select line low nobody listens.
+    pub fn exchange(&mut self, out: u8, at: Nanos) -> u8 {
+        let Some(session) = &mut self.session else { return FLOATING };
+        let device = &mut *self.device.borrow_mut();
+        device.traffic.bytes += 1;
+        session.exchange(device, out, at)
+    }
+
+    /// The level of the interrupt pin.
+    pub fn interrupt(&self, at: Nanos) -> bool {
+        self.device.borrow_mut().pin(at)
+    }
+}
+
 /// A transaction so far.
 #[derive(Default)]
 struct Session {

@@ -9,6 +9,7 @@ mod bus;
 mod cells;
 mod character;
 mod chip;
+mod controller;
 mod core;
 mod cpu;
 mod dma;
@@ -31,6 +32,7 @@ mod usart;
 mod watchdog;
 mod work;
 
+pub use controller::Controller;
 pub use character::{CONSOLE, Character, Format, Parity, RTU};
 pub use chip::{Board, Family, NUCLEO_F429ZI, NUCLEO_F767ZI, NUCLEO_H743ZI};
 pub use image::Image;

@@ -7,6 +7,7 @@ use mobgate_stm32_emulator::{Board, CONSOLE, Machine, Uart};
 mod clients;
 mod console;
 mod ends;
+mod ethercat;
 mod lines;
 mod memory;
 mod network;

@@ -1,0 +1,106 @@
+//! A LAN9252 at the board's SPI, and an EtherCAT MainDevice at its cable, on the board's clock.
+
+use std::time::Duration;
+
+use embassy_time::Duration as WorldDuration;
+use ethercat_esc::lan9252::{Pins, Timing};
+use ethercat_esc::main_device::Refusal;
+use ethercat_esc::{Chip, Lan9252, MainDevice, SharedChip, World};
+use ethercat_subdevice::al_state::AlState;
+use ethercat_subdevice::device::Device;
+
+use crate::machine::{Machine, Stop};
+use crate::spi::Target;
+use crate::time::Time;
+
+static GATEWAY: Device = mobgate::fieldbus::DEVICE;
+
+/// How far the clocks of board and cable are apart at most.
+const STEP_US: u64 = 20;
+/// Longest that anything takes.
+const PATIENCE: Duration = Duration::from_secs(10);
+
+impl Target for Pins {
+    fn select(&mut self, is_low: bool, at: Time) {
+        Pins::select(self, is_low, at / 1_000);
+    }
+
+    fn exchange(&mut self, out: u8, at: Time) -> u8 {
+        Pins::exchange(self, out, at / 1_000)
+    }
+
+    fn interrupt(&self, at: Time) -> bool {
+        Pins::interrupt(self, at / 1_000)
+    }
+}
+
+/// The controller, and the MainDevice.
+pub struct Controller {
+    world: World<'static>,
+    lan9252: Lan9252,
+    chip: SharedChip,
+}
+
+impl Controller {
+    /// Connects one to a board that was not started yet.
+    pub fn connect(machine: &Machine) -> Self {
+        let world = World::new(1);
+        let chip = Chip::of(&GATEWAY);
+        let lan9252 = Lan9252::new(chip.clone(), Timing::USUAL);
+        machine.bus.borrow_mut().target = Some(Box::new(lan9252.pins()));
+        Self { world, lan9252, chip }
+    }
+
+    /// Lets board and MainDevice run for so long.
+    pub fn run(&mut self, machine: &mut Machine, time: Duration) -> Result<(), Stop> {
+        let end = machine.now() + time;
+        while machine.now() < end {
+            self.step(machine)?;
+        }
+        Ok(())
+    }
+
+    fn step(&mut self, machine: &mut Machine) -> Result<(), Stop> {
+        self.world.run_for(WorldDuration::from_micros(STEP_US));
+        machine.run(Duration::from_micros(STEP_US))
+    }
+
+    /// Lets the MainDevice do something while the board runs.
+    fn carry_out<T: 'static>(
+        &mut self,
+        machine: &mut Machine,
+        what: impl AsyncFnOnce(&mut MainDevice<'static>) -> Result<T, Refusal> + 'static,
+    ) -> Result<T, Stop> {
+        let mut main_device = MainDevice::new(self.chip.clone(), &GATEWAY);
+        let task = self.world.spawn(async move { what(&mut main_device).await });
+        let end = machine.now() + PATIENCE;
+        while !task.is_finished() {
+            if machine.now() >= end {
+                return Err(Stop::Fault(format!("the MainDevice waits; the program is {}", machine.place())));
+            }
+            self.step(machine)?;
+        }
+        let outcome = self.world.run_until(task);
+        outcome.map_err(|refusal| Stop::Fault(format!("the MainDevice was refused: {refusal:?}")))
+    }
+
+    /// Brings the board to Op.
+    pub fn bring_to_op(&mut self, machine: &mut Machine) -> Result<(), Stop> {
+        self.carry_out(machine, async |main_device| main_device.bring_to(AlState::Op).await)
+    }
+
+    /// Sends outputs and takes inputs.
+    pub fn exchange(&mut self, machine: &mut Machine, outputs: Vec<u8>) -> Result<Vec<u8>, Stop> {
+        self.carry_out(machine, async move |main_device| main_device.exchange(&outputs).await)
+    }
+
+    /// What the board did at the SPI that a LAN9252 does not allow.
+    pub fn violations(&self) -> Vec<String> {
+        self.lan9252.violations()
+    }
+
+    /// Resets the controller, as a brown-out does.
+    pub fn reset(&mut self) {
+        self.lan9252.reset();
+    }
+}

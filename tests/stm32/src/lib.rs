@@ -32,9 +32,9 @@ mod usart;
 mod watchdog;
 mod work;
 
-pub use controller::Controller;
 pub use character::{CONSOLE, Character, Format, Parity, RTU};
 pub use chip::{Board, Family, NUCLEO_F429ZI, NUCLEO_F767ZI, NUCLEO_H743ZI};
+pub use controller::Controller;
 pub use image::Image;
 pub use lines::{Sent, Uart};
 pub use machine::{Machine, Stop};

@@ -70,7 +70,8 @@ impl Spi {
             return received | room | complete | end;
         }
         // The levels of the F7's FIFOs are in bits 9 to 12.
-        let levels = if received != 0 { 1 << 9 } else { 0 } | if self.waiting.is_empty() { 0 } else { 1 << 11 };
+        let levels =
+            if received != 0 { 1 << 9 } else { 0 } | if self.waiting.is_empty() { 0 } else { 1 << 11 };
         received | room | levels | if is_idle { 0 } else { 1 << 7 }
     }
 

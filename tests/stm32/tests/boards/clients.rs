@@ -10,13 +10,13 @@ use crate::{on_each_board, set_up, started};
 
 on_each_board!(as_many_clients_as_the_board_has_are_served_at_a_time, a_transaction_takes_few_instructions);
 
-const FAST: Format = Format { baud: 115_200, data_bits: 8, parity: Parity::Even, stop_bits: 1 };
+pub(crate) const FAST: Format = Format { baud: 115_200, data_bits: 8, parity: Parity::Even, stop_bits: 1 };
 const ROUNDS: u16 = 5;
 /// Of a transaction from TCP to RTU, on every board: what it takes now, and some more. It is to take 30 000.
 const INSTRUCTIONS_MAX: u64 = 56_000;
 
 /// The CRC of RTU.
-fn crc(bytes: &[u8]) -> [u8; 2] {
+pub(crate) fn crc(bytes: &[u8]) -> [u8; 2] {
     let crc = bytes.iter().fold(0xffff_u16, |crc, &byte| {
         (0..8).fold(crc ^ u16::from(byte), |crc, _| crc >> 1 ^ if crc & 1 != 0 { 0xa001 } else { 0 })
     });

@@ -11,6 +11,7 @@ mod ethercat;
 mod lines;
 mod memory;
 mod network;
+mod passing;
 mod power;
 mod settings;
 

@@ -3,6 +3,28 @@
 //! A [`Machine`] runs the image of a board as it is built: Unicorn executes its instructions, and models written from the reference
 //! manuals are the chip's peripherals. There is one clock, which no other clock moves: a run is the same each time. What no
 //! model knows stops the run and is named.
+//!
+//! # How a run goes
+//!
+//! [`Machine::run`] lets the processor (`cpu`, `hooks`) execute instructions until something is due: a character's end, a compare of the
+//! timer, the end of an erasure. Then all peripherals do what is due (`bus`), DMA moves what follows from it, and interrupts are taken.
+//! A processor that sleeps lets time leap to the next event. Accesses to peripherals go by their addresses (`chip`) to `rcc`, `flash` and
+//! its `cells`, `usart`, `dma`, `spi`, `ethernet`, `phy`, `timer`, `watchdog`, `gpio`, `exti` and `core`; registers that only keep
+//! what is written are a `bank`.
+//!
+//! # What is at the connectors
+//!
+//! * A terminal, and stations on the RS-485 lines: [`Machine::type_line`], [`Machine::send`], [`Machine::sent`]. [`Character`]s are
+//!   heard bit by bit, at the receiver's speed and parity.
+//! * A [`Network`] with Modbus TCP clients.
+//! * A [`Controller`] for EtherCAT, with a MainDevice.
+//! * Power, a PHY, a cable and a program that fail: [`Machine::cut_power_at`] and its neighbours.
+//!
+//! # What differs from the chips
+//!
+//! Each instruction takes one cycle. There are no caches, wait states and bus contention; a register has its effect at once. Peripherals
+//! work without being clocked, and pins carry signals whatever their alternate function is. A bus fault is taken at the end of the
+//! block of instructions. Registers of the floating-point unit do not lie on the stack in an exception.
 
 mod bank;
 mod bus;

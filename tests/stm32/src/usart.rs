@@ -55,8 +55,8 @@ pub(crate) struct Usart {
     flags: u32,
     clock_hz: u64,
     received: u32,
-    /// Flags of the F4 go when the status and then the data register were read.
-    status_was_read: bool,
+    /// Flags of the F4 go when they were seen in the status register and then the data register is read.
+    seen: u32,
     waiting: Option<u8>,
     shifting: Option<Sent>,
     driver_off_at: Option<Time>,
@@ -80,7 +80,7 @@ impl Usart {
             flags: TC | TXE,
             clock_hz: 1,
             received: 0,
-            status_was_read: false,
+            seen: 0,
             waiting: None,
             shifting: None,
             driver_off_at: None,
@@ -138,15 +138,15 @@ impl Usart {
 
     pub(crate) fn read(&mut self, offset: u32) -> Option<u32> {
         if offset == self.layout.status {
-            self.status_was_read = true;
+            self.seen = self.flags;
             return Some(self.flags);
         }
         if offset != self.layout.receive {
             return self.registers.read(offset);
         }
         self.flags &= !RXNE;
-        if self.layout.clear.is_none() && std::mem::take(&mut self.status_was_read) {
-            self.flags &= !(PE | FE | ORE | IDLE);
+        if self.layout.clear.is_none() {
+            self.flags &= !(std::mem::take(&mut self.seen) & (PE | FE | ORE | IDLE));
         }
         Some(self.received)
     }

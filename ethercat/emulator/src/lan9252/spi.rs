@@ -27,7 +27,7 @@ pub struct Spi {
     owed: Nanos,
 }
 
-/// The pins of the SPI, for a processor that is emulated itself and has a time of its own: that is told with each byte.
+/// The pins of the SPI, for a processor that is emulated itself: it tells its own time with each byte.
 pub struct Pins {
     device: Rc<RefCell<Device>>,
     session: Option<Session>,

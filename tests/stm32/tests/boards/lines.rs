@@ -2,11 +2,14 @@
 
 use std::time::Duration;
 
-use mobgate_stm32_emulator::{Board, Machine, RTU, Sent, Uart};
+use mobgate_stm32_emulator::{Board, Format, Machine, Parity, RTU, Sent, Uart};
 
 use crate::{on_each_board, set_up, started};
 
-on_each_board!(a_request_on_one_line_reaches_the_device_on_another);
+on_each_board!(
+    a_request_on_one_line_reaches_the_device_on_another,
+    damaged_characters_are_counted_and_cost_one_frame,
+);
 
 /// Unit 1 is asked for two registers, and responds.
 pub(crate) const REQUEST: [u8; 8] = [1, 3, 0, 0, 0, 2, 0xc4, 0x0b];
@@ -61,4 +64,38 @@ fn a_request_on_one_line_reaches_the_device_on_another(board: Board) {
         machine.run(Duration::from_millis(3)).unwrap();
         check_frame(&machine, Uart::Line2, &response);
     }
+}
+
+fn damaged_characters_are_counted_and_cost_one_frame(board: Board) {
+    let mut machine = started(board);
+    set_up(
+        &mut machine,
+        &[
+            "port P1 serial uart1 rtu client 19200 8E1",
+            "port P2 serial uart2 rtu server 19200 8E1",
+            "route P2 1-64 * * P1 cut off",
+        ],
+    );
+    machine.run(Duration::from_secs(2)).unwrap();
+    // A bit of one character has fallen over, so that its parity is wrong.
+    let odd = Format { parity: Parity::Odd, ..RTU };
+    machine.send(Uart::Line2, &REQUEST[..3], RTU);
+    machine.send(Uart::Line2, &[REQUEST[3] ^ 1], odd);
+    machine.send(Uart::Line2, &REQUEST[4..], RTU);
+    machine.run(Duration::from_millis(50)).unwrap();
+    // A station at twice the speed.
+    machine.send(Uart::Line2, &REQUEST, Format { baud: 38_400, ..RTU });
+    machine.run(Duration::from_millis(50)).unwrap();
+    let stats = machine.type_line("show stats").unwrap();
+    let count = |event: &str| {
+        let row = stats.lines().find(|line| line.split_whitespace().take(2).eq(["P2", event]));
+        row.and_then(|row| row.split_whitespace().nth(2)?.parse().ok()).unwrap_or(0)
+    };
+    assert!(count("parity") > 0, "{stats}");
+    assert!(count("damaged") > 0, "{stats}");
+    machine.sent(Uart::Line1);
+    // And a good one is routed.
+    machine.send(Uart::Line2, &REQUEST, RTU);
+    let request = machine.receive(Uart::Line1, REQUEST.len(), Duration::from_millis(50)).unwrap();
+    assert_eq!(bytes(&request), REQUEST);
 }

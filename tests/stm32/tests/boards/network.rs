@@ -7,7 +7,11 @@ use mobgate_stm32_emulator::{Board, Machine, Network, RTU, Uart};
 use crate::lines::{REQUEST, RESPONSE, bytes, check_frame};
 use crate::{on_each_board, set_up, started, wait_for_prompt};
 
-on_each_board!(a_tcp_client_reaches_a_device_on_a_line, without_a_phy_the_console_and_the_lines_are_there);
+on_each_board!(
+    a_cable_that_was_pulled_out_works_again,
+    a_tcp_client_reaches_a_device_on_a_line,
+    without_a_phy_the_console_and_the_lines_are_there
+);
 
 pub(crate) const STATION: [u8; 4] = [192, 168, 7, 1];
 pub(crate) const BOARD: [u8; 4] = [192, 168, 7, 2];
@@ -56,4 +60,19 @@ fn without_a_phy_the_console_and_the_lines_are_there(board: Board) {
     machine.send(Uart::Line2, &REQUEST, RTU);
     let request = machine.receive(Uart::Line1, REQUEST.len(), Duration::from_millis(50)).unwrap();
     assert_eq!(bytes(&request), REQUEST);
+}
+
+fn a_cable_that_was_pulled_out_works_again(board: Board) {
+    let mut machine = started(board);
+    set_up(&mut machine, SETTINGS);
+    let mut network = Network::new(STATION);
+    network.connect(&mut machine, BOARD, 502).unwrap();
+    machine.plug_cable(false);
+    machine.run(Duration::from_secs(1)).unwrap();
+    let shown = machine.type_line("show network").unwrap();
+    assert!(shown.contains("down"), "{shown}");
+    assert!(network.connect(&mut machine, BOARD, 502).is_err());
+    machine.plug_cable(true);
+    machine.run(Duration::from_secs(1)).unwrap();
+    network.connect(&mut machine, BOARD, 502).unwrap();
 }

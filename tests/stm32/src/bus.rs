@@ -4,13 +4,13 @@ use std::collections::BTreeMap;
 
 use crate::bank::{ALL, Bank};
 use crate::cells::Cells;
-use crate::chip::{self, Board, Device, Family, UARTS};
+use crate::chip::{self, Board, Family, UARTS};
 use crate::core::Core;
 use crate::dma::{Dma, Item, Request};
 use crate::ethernet::Ethernet;
 use crate::exti::Exti;
-use crate::flash::{Access, Flash};
-use crate::gpio::{Drive, Gpio, REFERENCE_CLOCK, SPI_INTERRUPT, SPI_SELECT};
+use crate::flash::Flash;
+use crate::gpio::{Drive, Gpio, REFERENCE_CLOCK, SPI_INTERRUPT};
 use crate::phy::Phy;
 use crate::rcc::{Clocks, Rcc, Reset};
 use crate::spi::{Spi, Target};
@@ -18,6 +18,9 @@ use crate::time::{SECOND, Time};
 use crate::timer::Timer;
 use crate::usart::Usart;
 use crate::watchdog::Watchdog;
+
+/// Where SPI1 is.
+pub(crate) const SPI_BASE: u32 = 0x4001_3000;
 
 /// Memory as DMA sees it.
 pub(crate) trait Memory {
@@ -33,7 +36,7 @@ pub(crate) struct Bus {
     pub(crate) deadline: Time,
     /// The time of one instruction.
     pub(crate) instruction: Time,
-    clocks: Clocks,
+    pub(crate) clocks: Clocks,
     pub(crate) core: Core,
     pub(crate) rcc: Rcc,
     pub(crate) flash: Flash,
@@ -46,18 +49,18 @@ pub(crate) struct Bus {
     pub(crate) ethernet: Ethernet,
     pub(crate) pwr: Bank,
     pub(crate) syscfg: Bank,
-    exti: Exti,
+    pub(crate) exti: Exti,
     /// What is at the SPI.
     pub(crate) target: Option<Box<dyn Target>>,
-    axi: Bank,
+    pub(crate) axi: Bank,
     /// Reads and writes of the program's, of all peripherals.
     pub(crate) accesses: (u64, u64),
     /// The processor stands still until then.
     pub(crate) stalled_until: Time,
     /// A bus fault at this address.
     pub(crate) bus_fault: Option<u32>,
-    /// An access that no model knows: reads or writes, and where.
-    pub(crate) unknown: Option<(&'static str, u32)>,
+    /// What the program does that no model knows, or that cannot work.
+    pub(crate) complaint: Option<String>,
 }
 
 /// PWR: "on" and "ready" of the regulator and, on the F7, its overdrive.
@@ -105,7 +108,7 @@ impl Bus {
             accesses: (0, 0),
             stalled_until: 0,
             bus_fault: None,
-            unknown: None,
+            complaint: None,
         };
         bus.follow_clocks();
         bus
@@ -125,136 +128,9 @@ impl Bus {
         *self = fresh;
     }
 
-    fn follow_clocks(&mut self) {
+    pub(crate) fn follow_clocks(&mut self) {
         self.clocks = self.rcc.clocks();
         self.instruction = SECOND / self.clocks.core;
-    }
-
-    fn uart_clock(&self, uart: usize) -> u64 {
-        if UARTS[uart].0 == "USART6" { self.clocks.fast } else { self.clocks.slow }
-    }
-
-    /// The program reads a peripheral's register or the settings' cells.
-    pub(crate) fn read(&mut self, address: u32, bytes: usize) -> u64 {
-        self.accesses.0 += 1;
-        let cells = self.flash.cells.base();
-        if (cells..chip::FLASH + 2 * chip::PROGRAM_BYTES).contains(&address) {
-            self.touch_flash(true);
-            let value = self.flash.read_cells(address, bytes);
-            if value.is_none() && !self.core.ignores_bus_faults() {
-                (self.bus_fault, self.deadline) = (Some(address), self.now);
-            }
-            return value.unwrap_or_default();
-        }
-        self.register(address, bytes).map(u64::from).unwrap_or_else(|| {
-            self.unknown.get_or_insert(("reads", address));
-            self.deadline = self.now;
-            0
-        })
-    }
-
-    fn register(&mut self, address: u32, bytes: usize) -> Option<u32> {
-        let (device, offset) = chip::device(self.board.family, address)?;
-        match device {
-            Device::Rcc => self.rcc.read(offset),
-            Device::Pwr => self.pwr.read(offset),
-            Device::Flash => self.flash.read(offset),
-            Device::Syscfg => self.syscfg.read(offset),
-            Device::Exti => self.exti.read(offset),
-            Device::Gpio => self.gpio.read(offset),
-            Device::Watchdog => self.watchdog.read(offset),
-            Device::Timer => self.timer.read(offset, self.now),
-            Device::Uart(uart) => self.uarts[uart].read(offset),
-            Device::Dma(dma) => self.dma.read(dma, offset),
-            Device::Dmamux => self.dma.read_mux(offset),
-            Device::Spi => self.spi.read(offset),
-            Device::Core => self.core.read(offset, bytes, self.now, self.clocks.core),
-            Device::AxiTarget => self.axi.read(offset),
-            Device::Debug => self.debug(offset),
-            Device::System => self.unique(address),
-            Device::Ethernet => self.ethernet.read(offset),
-        }
-    }
-
-    /// DBGMCU: the chip's device and revision.
-    fn debug(&self, offset: u32) -> Option<u32> {
-        let revision = match self.board.family {
-            Family::F4 => 0x2001_0419,
-            Family::F7 => 0x1001_0451,
-            Family::H7 => 0x2003_0450,
-        };
-        if offset == 0 { Some(revision) } else { self.axi.read(0x108).filter(|_| offset <= 0x10).map(|_| 0) }
-    }
-
-    fn unique(&self, address: u32) -> Option<u32> {
-        /// Coordinates on the wafer, and the lot's number.
-        const NUMBER: [u8; 12] = *b"\x2a\0\x31\0\x0eQ85019 ";
-        let at = address.checked_sub(self.board.unique)? as usize;
-        // Read by words or by bytes.
-        let rest = NUMBER.get(at..)?;
-        Some(rest.iter().take(4).rev().fold(0, |word, &byte| word << 8 | u32::from(byte)))
-    }
-
-    /// The program writes a register or the settings' cells.
-    pub(crate) fn write(&mut self, address: u32, bytes: usize, value: u64) {
-        self.accesses.1 += 1;
-        let cells = self.flash.cells.base();
-        if (cells..chip::FLASH + 2 * chip::PROGRAM_BYTES).contains(&address) {
-            self.touch_flash(true);
-            self.flash.write_cells(address, bytes, value, self.now);
-            self.touch_flash(false);
-        } else if self.set_register(address, bytes, value as u32).is_none() {
-            self.unknown.get_or_insert(("writes", address));
-        }
-        // What follows from it follows before the next instructions.
-        self.deadline = self.now;
-    }
-
-    fn set_register(&mut self, address: u32, bytes: usize, value: u32) -> Option<()> {
-        let (device, offset) = chip::device(self.board.family, address)?;
-        let now = self.now;
-        match device {
-            Device::Rcc => self.rcc.write(offset, value).map(|()| self.follow_clocks()),
-            Device::Pwr => self.pwr.write(offset, value),
-            Device::Flash => self.flash.write(offset, value, now).map(|()| self.touch_flash(false)),
-            Device::Syscfg => self.syscfg.write(offset, value),
-            Device::Exti => self.exti.write(offset, value),
-            Device::Gpio => {
-                let before = self.gpio.level(SPI_SELECT);
-                self.gpio.write(offset, value, now)?;
-                let after = self.gpio.level(SPI_SELECT);
-                if let Some(target) = self.target.as_mut().filter(|_| before != after) {
-                    target.select(!after, now);
-                }
-                Some(())
-            }
-            Device::Watchdog => self.watchdog.write(offset, value, now),
-            Device::Timer => self.timer.write(offset, value, now, self.clocks.timers),
-            Device::Uart(uart) => {
-                let clock = self.uart_clock(uart);
-                self.uarts[uart].write(offset, value, now, clock)
-            }
-            Device::Dma(dma) => self.dma.write(dma, offset, value),
-            Device::Dmamux => self.dma.write_mux(offset, value),
-            Device::Spi => self.spi.write(offset, value, now, self.clocks.spi),
-            Device::Core => self.core.write(offset, value, bytes),
-            Device::AxiTarget => self.axi.write(offset, value),
-            Device::Debug => (offset <= 0x60).then_some(()),
-            Device::Ethernet => self.ethernet.write(offset, value, now),
-            Device::System => None,
-        }
-    }
-
-    /// The processor stands still if the flash is busy and it `touches` that bank, or there is one only.
-    fn touch_flash(&mut self, touches: bool) {
-        if let Access::Stall(until) = self.flash.access(touches) {
-            self.stalled_until = self.stalled_until.max(until);
-            self.deadline = self.now;
-            if touches {
-                // The access itself waits.
-                self.flash.advance(until);
-            }
-        }
     }
 
     /// When something happens by itself.
@@ -280,6 +156,7 @@ impl Bus {
         self.ethernet.advance(now, memory);
         self.uarts.iter_mut().for_each(|uart| uart.advance(now));
         self.transfer(memory);
+        self.check_pins();
         self.collect_interrupts();
     }
 
@@ -310,18 +187,18 @@ impl Bus {
         let (receive, transmit) = self.spi.data_offsets();
         while self.spi.wants_to_give() {
             let Some(item) = self.dma.take(Request::SpiReceived) else { break };
-            self.store(memory, item, 0x4001_3000 + receive);
+            self.store(memory, item, SPI_BASE + receive);
         }
         while self.spi.wants_to_take() {
             let Some(item) = self.dma.take(Request::SpiTransmit) else { break };
-            self.load(memory, item, 0x4001_3000 + transmit);
+            self.load(memory, item, SPI_BASE + transmit);
         }
     }
 
     /// Names a transfer from or to elsewhere than the register that is `expected`, or of memory that DMA does not reach.
     fn check(&mut self, item: &Item, expected: u32) {
         if item.peripheral != expected {
-            self.unknown.get_or_insert(("gives DMA, instead of a data register,", item.peripheral));
+            self.complain("gives DMA", item.peripheral, "another register than its request's");
         }
         // The F4's CCM; the H7's ITCM and DTCM.
         let is_out_of_reach = match self.board.family {
@@ -330,7 +207,7 @@ impl Bus {
             Family::H7 => item.memory >> 24 == 0 || item.memory >> 24 == 0x20,
         };
         if is_out_of_reach {
-            self.unknown.get_or_insert(("gives DMA, which does not reach it,", item.memory));
+            self.complain("gives DMA", item.memory, "memory that it does not reach");
         }
     }
 

@@ -136,6 +136,17 @@ const H: &[(u32, u32, Device)] = &[
     (0x1ff0_0000, 0x10_0000, Device::System),
 ];
 
+/// What is at `address`, for people.
+pub(crate) fn name(family: Family, address: u32) -> String {
+    match device(family, address) {
+        Some((Device::Uart(uart), offset)) => {
+            format!("{address:#010x}, which is {} + {offset:#x},", UARTS[uart].0)
+        }
+        Some((device, offset)) => format!("{address:#010x}, which is {device:?} + {offset:#x},"),
+        None => format!("{address:#010x}"),
+    }
+}
+
 /// The peripheral at `address`, and the offset in it.
 pub(crate) fn device(family: Family, address: u32) -> Option<(Device, u32)> {
     let within = |base: u32, size: u32| address.wrapping_sub(base) < size;

@@ -167,6 +167,11 @@ impl Ethernet {
         (bytes.max(60) as u64 + OVERHEAD) * 8 * SECOND / (megabits * 1_000_000)
     }
 
+    /// A frame is on its way out.
+    pub(crate) fn is_sending(&self) -> bool {
+        self.sending.is_some()
+    }
+
     /// The station at the other end sends a frame.
     pub(crate) fn arrive(&mut self, frame: Vec<u8>, now: Time) {
         if !self.phy.is_there || !self.phy.has_cable {

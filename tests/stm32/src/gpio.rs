@@ -84,6 +84,13 @@ impl Gpio {
         Some(())
     }
 
+    /// The alternate function of a pin that has one.
+    pub(crate) fn function(&self, (port, number): Pin) -> Option<u32> {
+        let port = &self.ports[port];
+        let register = if number < 8 { 0x20 } else { 0x24 };
+        (bits(port.get(0), 2 * number, 2) == 2).then(|| bits(port.get(register), 4 * (number % 8), 4))
+    }
+
     /// When an output was switched, and to what.
     pub(crate) fn changes(&self, pin: Pin) -> &[(Time, bool)] {
         self.changes.get(&pin).map_or(&[], Vec::as_slice)

@@ -8,7 +8,7 @@
 //!
 //! [`Machine::run`] lets the processor (`cpu`, `hooks`) execute instructions until something is due: a character's end, a compare of the
 //! timer, the end of an erasure. Then all peripherals do what is due (`bus`), DMA moves what follows from it, and interrupts are taken.
-//! A processor that sleeps lets time leap to the next event. Accesses to peripherals go by their addresses (`chip`) to `rcc`, `flash` and
+//! A processor that sleeps lets time leap to the next event. Accesses to peripherals (`access`) go by their addresses (`chip`) to `rcc`, `flash` and
 //! its `cells`, `usart`, `dma`, `spi`, `ethernet`, `phy`, `timer`, `watchdog`, `gpio`, `exti` and `core`; registers that only keep
 //! what is written are a `bank`.
 //!
@@ -22,10 +22,10 @@
 //!
 //! # What differs from the chips
 //!
-//! Each instruction takes one cycle. There are no caches, wait states and bus contention; a register has its effect at once. Peripherals
-//! work without being clocked, and pins carry signals whatever their alternate function is. A bus fault is taken at the end of the
+//! Each instruction takes one cycle. There are no caches, wait states and bus contention; a register has its effect at once. A bus fault is taken at the end of the
 //! block of instructions. Registers of the floating-point unit do not lie on the stack in an exception.
 
+mod access;
 mod bank;
 mod bus;
 mod cells;
@@ -52,6 +52,7 @@ mod time;
 mod timer;
 mod usart;
 mod watchdog;
+mod wiring;
 mod work;
 
 pub use character::{CONSOLE, Character, Format, Parity, RTU};

@@ -141,9 +141,9 @@ impl Machine {
     /// Stops where a model does not know, and resets where the chip does.
     fn check(&mut self) -> Result<(), Stop> {
         let mut bus = self.bus.borrow_mut();
-        if let Some((does, address)) = bus.unknown {
+        if let Some(complaint) = bus.complaint.take() {
             drop(bus);
-            return Err(Stop::Fault(format!("the program {does} {} {}", self.name(address), self.place())));
+            return Err(Stop::Fault(format!("the program {complaint} {}", self.place())));
         }
         if let Some(rule) = bus.flash.cells.broken_rule.take() {
             drop(bus);
@@ -173,15 +173,6 @@ impl Machine {
         let (function, now, resets) =
             (self.image.function(block), self.now(), &self.resets[..self.resets.len().min(3)]);
         format!("in the block at {block:#010x} of {function}, after {now:?}, the resets {resets:?}{faults}")
-    }
-
-    fn name(&self, address: u32) -> String {
-        match crate::chip::device(self.board.family, address) {
-            Some((device, offset)) => {
-                format!("{address:#010x}, which is {device:?} + {offset:#x}, a register without a model,")
-            }
-            None => format!("{address:#010x}, which has no model,"),
-        }
     }
 
     /// Resets the chip. Memories keep what they hold, but for a loss of power.

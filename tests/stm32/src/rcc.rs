@@ -96,6 +96,11 @@ impl Rcc {
         Some(())
     }
 
+    /// Whether a bit of a register is one.
+    pub(crate) fn is_set(&self, register: u32, bit: u32) -> bool {
+        self.registers.read(register).is_some_and(|value| value >> bit & 1 != 0)
+    }
+
     /// Bits of a register that cannot be written while their PLL is on.
     fn locked(&self, offset: u32) -> u32 {
         let on = |pll: u32| self.registers.get(0) >> (24 + 2 * pll) & 1 != 0;

@@ -27,6 +27,13 @@ pub(crate) struct Sent {
     pub(crate) character: Character,
 }
 
+/// What a USART's pins were used for.
+#[derive(Clone, Copy, Default)]
+pub(crate) struct Used {
+    pub(crate) received: bool,
+    pub(crate) sent: bool,
+}
+
 /// Offsets of the registers that differ between the generations.
 struct Layout {
     control: [u32; 3],
@@ -68,6 +75,7 @@ pub(crate) struct Usart {
     pub(crate) driver: Vec<(Time, bool)>,
     /// An interrupt came, and may be gone already.
     pub(crate) pulse: bool,
+    used: Used,
 }
 
 impl Usart {
@@ -89,6 +97,7 @@ impl Usart {
             sent: Vec::new(),
             driver: Vec::new(),
             pulse: false,
+            used: Used::default(),
         }
     }
 
@@ -187,8 +196,9 @@ impl Usart {
         let Some(data) = self.waiting.take() else { return };
         let format = self.format();
         let mut begin = now;
-        let has_driver = self.layout.clear.is_some() && self.control(3) >> 14 & 1 != 0;
-        if has_driver && self.driver_off_at.take().is_none() && self.driver.last().is_none_or(|&(_, on)| !on)
+        if self.switches_driver()
+            && self.driver_off_at.take().is_none()
+            && self.driver.last().is_none_or(|&(_, on)| !on)
         {
             self.driver.push((now, true));
             begin += format.time(bits(self.control(1), 21, 5)) / 16;
@@ -220,13 +230,13 @@ impl Usart {
         if let Some(sent) = self.shifting.filter(|sent| sent.end <= now) {
             self.shifting = None;
             self.sent.push(sent);
+            self.used.sent = true;
             if self.waiting.is_some() {
                 self.shift(sent.end);
             } else {
                 self.flags |= TC;
-                let has_driver = self.layout.clear.is_some() && self.control(3) >> 14 & 1 != 0;
                 let after = sent.character.format.time(bits(self.control(1), 16, 5)) / 16;
-                self.driver_off_at = has_driver.then_some(sent.end + after);
+                self.driver_off_at = self.switches_driver().then_some(sent.end + after);
             }
         }
         if let Some(at) = self.driver_off_at.filter(|&at| at <= now) {
@@ -247,6 +257,7 @@ impl Usart {
         if !self.is_on() || control & 4 == 0 {
             return;
         }
+        self.used.received = true;
         let format = self.format();
         let heard = character.heard_as(&format);
         self.idle_at = Some(end + format.time(format.bits()));
@@ -282,6 +293,16 @@ impl Usart {
             | if control >> 4 & 1 != 0 { IDLE } else { 0 }
             | if error { FE | ORE } else { 0 };
         self.flags & enabled != 0
+    }
+
+    /// What the pins were used for since this was last asked.
+    pub(crate) fn take_used(&mut self) -> Used {
+        std::mem::take(&mut self.used)
+    }
+
+    /// Whether it switches a transceiver's driver by itself.
+    pub(crate) fn switches_driver(&self) -> bool {
+        self.layout.clear.is_some() && self.control(3) >> 14 & 1 != 0
     }
 
     /// Addresses of the registers that DMA reads and writes.

@@ -65,7 +65,7 @@ impl Bus {
         self.accesses.0 += 1;
         if self.is_cell(address) {
             self.touch_flash(true);
-            let value = self.flash.read_cells(address, bytes);
+            let value = self.flash.read_cells(address, bytes).map(|value| value ^ self.corruption());
             if value.is_none() && !self.core.ignores_bus_faults() {
                 (self.bus_fault, self.deadline) = (Some(address), self.now);
             }
@@ -75,6 +75,13 @@ impl Bus {
             self.complain("reads", address, "a register without a model");
             0
         })
+    }
+
+    /// What is read wrong of the F4's second bank before revision 3, unless PA12 is low (errata 2.2.11).
+    fn corruption(&self) -> u64 {
+        let is_held_low = self.gpio.is_output((0, 12)) && !self.gpio.level((0, 12));
+        let is_affected = self.board.family == Family::F4 && self.revision < 0x2001;
+        u64::from(is_affected && !is_held_low)
     }
 
     fn is_cell(&self, address: u32) -> bool {
@@ -107,12 +114,17 @@ impl Bus {
 
     /// DBGMCU: the chip's device and revision.
     fn debug(&self, offset: u32) -> Option<u32> {
-        let revision = match self.board.family {
-            Family::F4 => 0x2001_0419,
-            Family::F7 => 0x1001_0451,
-            Family::H7 => 0x2003_0450,
+        let device = match self.board.family {
+            Family::F4 => 0x419,
+            Family::F7 => 0x451,
+            Family::H7 => 0x450,
         };
-        if offset == 0 { Some(revision) } else { self.axi.read(0x108).filter(|_| offset <= 0x10).map(|_| 0) }
+        match offset {
+            0 => Some(u32::from(self.revision) << 16 | device),
+            // What stops while a debugger holds the processor.
+            4..=0x60 => Some(0),
+            _ => None,
+        }
     }
 
     fn unique(&self, address: u32) -> Option<u32> {

@@ -53,6 +53,8 @@ pub(crate) struct Bus {
     /// What is at the SPI.
     pub(crate) target: Option<Box<dyn Target>>,
     pub(crate) axi: Bank,
+    /// The chip's.
+    pub(crate) revision: u16,
     /// Reads and writes of the program's, of all peripherals.
     pub(crate) accesses: (u64, u64),
     /// The processor stands still until then.
@@ -104,6 +106,7 @@ impl Bus {
             syscfg: plain(0x2c),
             exti: Exti::new(h7),
             target: None,
+            revision: board.revision,
             axi: Bank::new(&[(0x108, 0, ALL)]),
             accesses: (0, 0),
             stalled_until: 0,
@@ -118,6 +121,7 @@ impl Bus {
     pub(crate) fn reset(&mut self, cause: Reset) {
         let mut fresh = Self::new(self.board, self.ethernet.phy);
         fresh.now = self.now;
+        fresh.revision = self.revision;
         fresh.rcc = Rcc::new(self.board.family, cause);
         let cells = std::mem::replace(&mut self.flash.cells, Cells::new(self.board.settings));
         fresh.flash = Flash::new(&self.board, cells);

@@ -22,6 +22,8 @@ pub struct Board {
     pub(crate) memories: &'static [(u32, u32)],
     /// First address of the two sectors that hold the settings, and the length of one.
     pub(crate) settings: (u32, u32),
+    /// A revision of the chip that is sold now.
+    pub(crate) revision: u16,
     /// Address of the chip's unique number.
     pub(crate) unique: u32,
 }
@@ -37,6 +39,7 @@ pub const NUCLEO_F429ZI: Board = Board {
     family: Family::F4,
     memories: &[(0x1000_0000, 0x1_0000), (0x2000_0000, 0x3_0000)],
     settings: (0x081c_0000, 0x2_0000),
+    revision: 0x2001,
     unique: 0x1fff_7a10,
 };
 
@@ -46,6 +49,7 @@ pub const NUCLEO_F767ZI: Board = Board {
     family: Family::F7,
     memories: &[(0x2000_0000, 0x8_0000)],
     settings: (0x0818_0000, 0x4_0000),
+    revision: 0x1001,
     unique: 0x1ff0_f420,
 };
 
@@ -55,6 +59,7 @@ pub const NUCLEO_H743ZI: Board = Board {
     family: Family::H7,
     memories: &[(0x2400_0000, 0x8_0000)],
     settings: (0x081c_0000, 0x2_0000),
+    revision: 0x2003,
     unique: 0x1ff1_e800,
 };
 

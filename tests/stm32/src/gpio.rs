@@ -84,6 +84,11 @@ impl Gpio {
         Some(())
     }
 
+    /// Whether the program drives a pin.
+    pub(crate) fn is_output(&self, (port, number): Pin) -> bool {
+        bits(self.ports[port].get(0), 2 * number, 2) == 1
+    }
+
     /// The alternate function of a pin that has one.
     pub(crate) fn function(&self, (port, number): Pin) -> Option<u32> {
         let port = &self.ports[port];

@@ -44,6 +44,16 @@ impl Machine {
         self.cpu.jump(address);
     }
 
+    /// Makes the chip one of this revision, as DBGMCU tells it; for a board that was not started yet.
+    pub fn set_revision(&mut self, revision: u16) {
+        self.bus.borrow_mut().revision = revision;
+    }
+
+    /// Whether the H7 reads its AXI SRAM for one master at a time (READ_ISS_OVERRIDE).
+    pub fn reads_for_one_master(&self) -> bool {
+        self.bus.borrow().axi.get(0x108) & 1 != 0
+    }
+
     /// Raises an NMI, as a clock that failed does.
     pub fn raise_nmi(&mut self) {
         /// The exception's number.

@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use mobgate_stm32_emulator::{Board, CONSOLE, Machine, Uart};
 
+mod chips;
 mod clients;
 mod console;
 mod ends;

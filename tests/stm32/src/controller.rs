@@ -8,6 +8,7 @@ use ethercat_esc::main_device::Refusal;
 use ethercat_esc::{Chip, Lan9252, MainDevice, SharedChip, World};
 use ethercat_subdevice::al_state::AlState;
 use ethercat_subdevice::device::Device;
+use ethercat_subdevice::sync_manager::Channel;
 
 use crate::machine::{Machine, Stop};
 use crate::spi::Target;
@@ -89,8 +90,9 @@ impl Controller {
         self.carry_out(machine, async |main_device| main_device.bring_to(AlState::Op).await)
     }
 
-    /// Sends outputs and takes inputs.
-    pub fn exchange(&mut self, machine: &mut Machine, outputs: Vec<u8>) -> Result<Vec<u8>, Stop> {
+    /// Sends outputs, and zeros behind them, and takes inputs.
+    pub fn exchange(&mut self, machine: &mut Machine, mut outputs: Vec<u8>) -> Result<Vec<u8>, Stop> {
+        outputs.resize(GATEWAY.default_bytes(Channel::Outputs).into(), 0);
         self.carry_out(machine, async move |main_device| main_device.exchange(&outputs).await)
     }
 

@@ -24,7 +24,7 @@ pub(crate) fn crc(bytes: &[u8]) -> [u8; 2] {
 }
 
 /// Lets a device respond to what the board has sent: the register that it is asked for, and the unit.
-fn respond(machine: &mut Machine, asked: &mut Vec<u8>) {
+pub(crate) fn respond(machine: &mut Machine, asked: &mut Vec<u8>) {
     let sent = machine.sent(Uart::Line1);
     if let (Some(first), Some(last)) = (sent.first(), sent.last()) {
         let Character { format, .. } = first.character;
@@ -34,7 +34,7 @@ fn respond(machine: &mut Machine, asked: &mut Vec<u8>) {
     asked.extend(bytes(&sent));
     if asked.len() == 8 {
         assert_eq!(asked[6..], crc(&asked[..6]));
-        let mut response = vec![asked[0], 3, 2, asked[3], asked[0]];
+        let mut response = vec![asked[0], asked[1], 2, asked[3], asked[0]];
         response.extend(crc(&response));
         machine.send(Uart::Line1, &response, FAST);
         asked.clear();

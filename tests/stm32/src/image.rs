@@ -32,8 +32,9 @@ impl Image {
         }
         let functions = file.symbols().filter(|symbol| symbol.kind() == SymbolKind::Text);
         let mut functions: Vec<_> = functions
-            .filter_map(|symbol| Some((symbol.address() as u32 & !1, symbol.name().ok()?.to_owned())))
+            .filter_map(|symbol| Some((symbol.address() as u32 & !1, symbol.name().ok()?)))
             .filter(|(_, name)| !name.starts_with('$'))
+            .map(|(address, name)| (address, format!("{:#}", rustc_demangle::demangle(name))))
             .collect();
         functions.sort();
         let symbol = |name: &str| file.symbol_by_name(name).map(|symbol| symbol.address() as u32);

@@ -91,13 +91,14 @@ impl Machine {
     pub fn stack_free(&self) -> (usize, usize) {
         let (end, start) = self.image.stack;
         let (before, now) = (random(&self.board), self.cpu.memories(&self.board));
-        let memories = self.board.memories.iter().zip(before.iter().zip(&now));
-        let at = |&&(&(base, length), _): &&_| (base..base + length).contains(&end);
-        let memories: Vec<_> = memories.collect();
-        let Some(((base, _), (before, now))) = memories.iter().find(at) else { return (0, 0) };
-        let (from, to) = ((end - base) as usize, (start - base) as usize);
-        let pairs = before[from..to].iter().zip(&now[from..to]);
-        (pairs.take_while(|(before, now)| before == now).count(), to - from)
+        for (&(base, length), (before, now)) in self.board.memories.iter().zip(before.iter().zip(&now)) {
+            if (base..base + length).contains(&end) {
+                let stack = (end - base) as usize..(start - base) as usize;
+                let pairs = before[stack.clone()].iter().zip(&now[stack.clone()]);
+                return (pairs.take_while(|(before, now)| before == now).count(), stack.len());
+            }
+        }
+        (0, 0)
     }
 
     /// Runs for so long.

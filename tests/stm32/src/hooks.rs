@@ -116,7 +116,9 @@ pub(crate) fn hook_blocks(
             bus.now = bus.now.max(bus.deadline);
         }
         let unmasked = || unicorn.reg_read(RegisterARM::PRIMASK).is_ok_and(|masked| masked == 0);
-        if bus.now >= bus.deadline || bus.core.is_waiting && bus.core.next().is_some() && unmasked() {
+        let is_due =
+            bus.now >= bus.deadline || bus.core.is_waiting && bus.core.next().is_some() && unmasked();
+        if is_due && !is_in_it_block(unicorn) {
             // What is not executed is not cut out of.
             notes.bytes = 0;
             let _ = unicorn.emu_stop();
@@ -126,6 +128,14 @@ pub(crate) fn hook_blocks(
         bus.now += u64::from(done) * bus.instruction;
     })?;
     Ok(())
+}
+
+/// Whether the next instruction is one that an IT instruction made conditional. Unicorn keeps that state where an exception cannot
+/// save it, so none is taken there.
+fn is_in_it_block(unicorn: &Unicorn<'_, ()>) -> bool {
+    /// The places of these bits in CPSR.
+    const IT: u64 = 0x0600_fc00;
+    unicorn.reg_read(RegisterARM::CPSR).is_ok_and(|status| status & IT != 0)
 }
 
 /// Instructions of a block: one of 32 bits begins with 0b11101, 0b11110 or 0b11111.

@@ -22,8 +22,8 @@
 //!
 //! # What differs from the chips
 //!
-//! Each instruction takes one cycle. There are no caches, wait states and bus contention; a register has its effect at once. A bus fault is taken at the end of the
-//! block of instructions. Registers of the floating-point unit do not lie on the stack in an exception.
+//! Each instruction takes one cycle. There are no caches, wait states and bus contention; a register has its effect at once. A bus fault
+//! is taken at the end of the block of instructions. Registers of the floating-point unit do not lie on the stack in an exception.
 
 mod access;
 mod bank;

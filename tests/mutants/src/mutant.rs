@@ -74,16 +74,19 @@ impl Equivalent {
     }
 }
 
-/// Reads the list; entries that no longer say which mutant they mean are named.
+/// Reads the list. An entry that no longer says which mutant it means is an error: its code was changed, or left the scope.
 pub(crate) fn equivalent(path: &Path, all: &[Mutant]) -> Result<Vec<Equivalent>, String> {
     let text = std::fs::read_to_string(path).map_err(|error| format!("{}: {error}", path.display()))?;
     let list: List = toml::from_str(&text).map_err(|error| format!("{}: {error}", path.display()))?;
     let there: HashSet<(&str, &str, &str)> =
         all.iter().map(|mutant| (&*mutant.file, &*mutant.source, &*mutant.change)).collect();
-    for entry in &list.mutant {
-        if !there.contains(&(&entry.file, &entry.line, &entry.change)) {
-            println!("no longer there: {}: `{}`: {}", entry.file, entry.line, entry.change);
-        }
+    let is_stale = |entry: &&Equivalent| !there.contains(&(&*entry.file, &*entry.line, &*entry.change));
+    let stale = list.mutant.iter().filter(is_stale);
+    let stale: Vec<_> =
+        stale.map(|Equivalent { file, line, change, .. }| format!("{file}: `{line}`: {change}")).collect();
+    if stale.is_empty() {
+        Ok(list.mutant)
+    } else {
+        Err(format!("{}: no longer there:\n{}", path.display(), stale.join("\n")))
     }
-    Ok(list.mutant)
 }

@@ -13,6 +13,7 @@ pub(crate) const PATHS: &[&str] = &[
     "src/language/review.rs",
     // What is asked next, and what a response proves.
     "src/port/client/queue.rs",
+    "src/port/client/queue",
     "src/port/client/dispatcher.rs",
     "src/port/client/dispatcher",
     "src/gateway/unit_health.rs",

@@ -184,6 +184,8 @@ impl Line {
         if before.max(after) > most {
             return Err(unsupported("driver-before and driver-after: less than two bits, and none on an F4"));
         }
+        // A frame that is cut through pauses for a bit where its sender's crystal is slower. The driver must not release the bus there.
+        let after = if after == 0 { DRIVER_SIXTEENTHS_MAX } else { after };
         self.mask = if line.data_bits == 7 { 0x7f } else { u8::MAX };
         self.setup.set_config(&config(line)).map_err(|_| unsupported("speed or character format"))?;
         registers::complete_setup(self.uart, before as u8, after as u8);

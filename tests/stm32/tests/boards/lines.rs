@@ -22,15 +22,15 @@ pub(crate) fn bytes(sent: &[Sent]) -> Vec<u8> {
 /// A frame without gaps of more than one and a half characters, and the driver on in each of its characters, but hardly before and behind it.
 pub(crate) fn check_frame(machine: &Machine, line: Uart, sent: &[Sent]) {
     let driver = machine.driver(line);
-    // A bit takes 52 us: the driver is on two bits before at most, and off one bit behind.
-    let (before, behind) = (Duration::from_micros(110), Duration::from_micros(60));
+    // The driver is on for two bits before and behind at most, and a little.
+    let two_bits = Duration::from_secs(2) / sent[0].character.format.baud as u32 + Duration::from_micros(6);
     for character in sent {
         let &(on, _) =
             driver.iter().rfind(|(at, on)| *on && *at <= character.begin).expect("the driver is never on");
         let &(off, _) = driver.iter().find(|(at, is_on)| !*is_on && *at > on).expect("the driver stays on");
         assert!(off >= character.end, "the driver goes off within a character on {line:?}");
-        assert!(on + before > sent[0].begin, "the driver is on too early on {line:?}");
-        assert!(off < sent[sent.len() - 1].end + behind, "the driver is off too late on {line:?}");
+        assert!(on + two_bits > sent[0].begin, "the driver is on too early on {line:?}");
+        assert!(off < sent[sent.len() - 1].end + two_bits, "the driver is off too late on {line:?}");
     }
     for pair in sent.windows(2) {
         let gap = pair[1].begin - pair[0].end;

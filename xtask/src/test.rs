@@ -62,7 +62,8 @@ pub(crate) fn run_all(suites: &[Suite], install: bool) -> Outcome {
         Suite::Qemu => run(&mut cargo("test", &["--package", "mobgate-qemu", "--test", "qemu"])),
         Suite::Stm32 => {
             board::nucleos()?.iter().try_for_each(|board| board::run(board, "build", &[]))?;
-            run(&mut stm32("test"))
+            // With its figures.
+            run(stm32("test").args(["--", "--nocapture"]))
         }
         Suite::Package => {
             deb()?;

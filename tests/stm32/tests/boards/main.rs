@@ -9,6 +9,9 @@ mod clients;
 mod console;
 mod ends;
 mod ethercat;
+#[expect(dead_code, reason = "no figure here has a least value")]
+#[path = "../../../../benches/figures/figure.rs"]
+mod figure;
 mod lines;
 mod memory;
 mod network;

@@ -3,7 +3,7 @@
 use core::fmt::{self, Display};
 
 use super::field::Field;
-use super::port_keys::{Key, Keys, UNIT_KEYS};
+use super::port_keys::{Key, Keys, Keywords, UNIT_KEYS};
 use super::port_limits::{
     BAUD, CHAR_TIMEOUT, CLIENTS, DOWN_AFTER, HOUR, ID, IDLE, LIFETIME, MINUTE, PIPELINE, REQUESTS, RESERVED,
     RETRIES, SECOND, SOCKETS, TEN_SECONDS, TIMEOUT, UNIT,
@@ -43,9 +43,6 @@ const SIDES: &[(&str, Side)] =
 pub(crate) fn is_kind(word: Word) -> bool {
     word.lookup(&MEDIA).is_some()
 }
-
-/// Keywords with their keys, in printing order, and their list for errors.
-type Keywords = (Keys, &'static str);
 
 const SERIAL: Keywords = (
     &[

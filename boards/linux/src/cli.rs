@@ -14,13 +14,12 @@ use crate::demo;
 /// Address of a console port given without one.
 const THIS_MACHINE: IpAddr = IpAddr::V4(Ipv4Addr::LOCALHOST);
 
-const EXAMPLES: &str = "\
-  mobgate --config mobgate.conf        a gateway as the file says
-  mobgate --check mobgate.conf         is the file good?
-  mobgate console                      the console of the gateway that runs
-  mobgate console show ports           one line of it
-  mobgate esi mobgate.xml              the description of the SubDevice;
-                                       `sii FILE`: its EEPROM's content
+const EXAMPLES: &str = "  mobgate --config mobgate.conf        run a gateway with these settings
+  mobgate --check mobgate.conf         check them
+  mobgate console                      join the running gateway's console
+  mobgate console show ports           run one line there
+  mobgate esi mobgate.xml              describe the SubDevice for EtherCAT
+                                       tools; `sii FILE`: for its EEPROM
 
 A configuration file:
   port P1    serial /dev/ttyUSB0 rtu client 19200 8E1
@@ -58,11 +57,11 @@ pub struct Options {
     #[command(flatten)]
     pub demo: demo::Choice,
 
-    /// Let the first TCP server listen there, whatever its settings say
+    /// Override where the first TCP server listens
     #[arg(long, value_name = "[ADDR:]PORT", value_parser = listen)]
     pub listen: Option<TcpListen>,
 
-    /// Say whether the settings in FILE are good, and end
+    /// Check the settings in FILE and exit
     #[arg(long, value_name = "FILE", conflicts_with_all = ["config", "listen", "console", "socket", "capture"])]
     pub check: Option<PathBuf>,
 
@@ -78,8 +77,8 @@ pub struct Options {
     #[arg(long, verbatim_doc_comment, value_name = "PATH|off")]
     pub socket: Option<SocketPlace>,
 
-    /// Offer the console on a TCP port as well, to whoever can reach it
-    /// and without a password [default: off]
+    /// Also offer the console on a TCP port, without a password, to anyone
+    /// who can reach it [default: off]
     #[arg(long, verbatim_doc_comment, value_name = "[ADDR:]PORT|off")]
     pub console: Option<ConsolePort>,
 }
@@ -89,9 +88,9 @@ pub struct Options {
 pub enum Instead {
     /// Join the console of the running gateway, or run LINE there
     ///
-    /// Ctrl-D leaves. Lines may also come by a pipe. Exit codes: 0 all was
-    /// carried out; 1 a line was refused; 2 bad command line; 3 no gateway
-    /// was reached, or it has ended the session.
+    /// Ctrl-D leaves. Lines may also come from a pipe. Exit codes: 0 all
+    /// lines succeeded; 1 a line failed; 2 bad command line; 3 no gateway
+    /// was reached, or it closed the session.
     #[command(verbatim_doc_comment)]
     Console(Join),
     /// Write a file about the gateway as an EtherCAT SubDevice
@@ -102,11 +101,11 @@ pub enum Instead {
 /// The console to join, and the line to run.
 #[derive(Debug, Args)]
 pub struct Join {
-    /// The gateway's socket, if it is not at one of the places by default
+    /// The gateway's socket, if it is not at one of the default paths
     #[arg(long, value_name = "PATH")]
     pub socket: Option<PathBuf>,
 
-    /// A line to carry out; in quotes if it has some
+    /// Line to run; put it in quotes if it contains quotes
     #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
     pub line: Vec<String>,
 }
@@ -116,18 +115,18 @@ pub struct Join {
 pub enum Make {
     /// Write the EEPROM image of the EtherCAT controller (SII) to FILE
     Sii {
-        /// Of the modular device: `port NAME ethercat modules`
+        /// For the modular device: `port NAME ethercat modules`
         #[arg(long)]
         modules: bool,
-        /// Where to
+        /// Output file
         file: PathBuf,
     },
     /// Write the description for EtherCAT tools (ESI) to FILE
     Esi {
-        /// Describe each slave of the settings in FILE as a module too
+        /// Also describe each slave of the settings in FILE as a module
         #[arg(long, value_name = "FILE")]
         config: Option<PathBuf>,
-        /// Where to
+        /// Output file
         file: PathBuf,
     },
 }

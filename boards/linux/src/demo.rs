@@ -23,9 +23,9 @@ mod lines;
 pub use lines::{Line, Lines};
 
 /// The demo's part of the command line examples.
-pub(crate) const EXAMPLES: &str = "  mobgate                              the demo: simulated devices behind
+pub(crate) const EXAMPLES: &str = "  mobgate                              run the demo: simulated devices on
                                        Modbus TCP port 502 or 5020
-  mobgate --demo ethercat              the same as an EtherCAT SubDevice as well
+  mobgate --demo ethercat              the same, also as an EtherCAT SubDevice
 ";
 
 /// Name of the bus as a serial device.

@@ -23,25 +23,25 @@ const IDLE_MAX: Duration = Duration::from_secs(30 * 60);
 
 /// Session slots, each served by a task.
 pub struct Sessions {
-    places: [Place; SESSIONS_MAX],
+    slots: [Slot; SESSIONS_MAX],
     idle_max: Duration,
 }
 
 impl Default for Sessions {
     fn default() -> Self {
-        Self { places: Default::default(), idle_max: IDLE_MAX }
+        Self { slots: Default::default(), idle_max: IDLE_MAX }
     }
 }
 
 /// A session slot.
-struct Place {
+struct Slot {
     /// Last input or output; `None` while the slot is free.
     last: Cell<Option<Instant>>,
     /// The next client of this slot; it displaces the current one at once.
     next: Signal<NoopRawMutex, Guest>,
 }
 
-impl Default for Place {
+impl Default for Slot {
     fn default() -> Self {
         Self { last: Cell::new(None), next: Signal::new() }
     }
@@ -58,32 +58,32 @@ impl Sessions {
     /// Gives `guest` a free slot, or that of the session idle for longest.
     pub fn admit(&self, guest: Guest) {
         // `None` sorts first. There is at least one slot.
-        let Some(place) = self.places.iter().min_by_key(|place| place.last.get()) else { return };
-        place.last.set(Some(Instant::now()));
-        place.next.signal(guest);
+        let Some(slot) = self.slots.iter().min_by_key(|slot| slot.last.get()) else { return };
+        slot.last.set(Some(Instant::now()));
+        slot.next.signal(guest);
     }
 
     /// Serves slot `number`; never returns.
     pub async fn serve(&self, number: usize, gateway: &Gateway<'_>, store: FileStore, system: &impl System) {
-        let place = &self.places[number];
-        let mut guest = place.next.wait().await;
+        let slot = &self.slots[number];
+        let mut guest = slot.next.wait().await;
         loop {
             log::info!("console session of {}", guest.who);
             let end = {
-                let session = session(&mut guest, &place.last, gateway, store.clone(), system);
-                match select3(session, place.next.wait(), idle(&place.last, self.idle_max)).await {
+                let session = session(&mut guest, &slot.last, gateway, store.clone(), system);
+                match select3(session, slot.next.wait(), idle(&slot.last, self.idle_max)).await {
                     Either3::First(ended) => End::Ended(ended),
                     Either3::Second(next) => End::Displaced(next),
                     Either3::Third(()) => End::Idle,
                 }
             };
             let next = end_of(guest, end).await;
-            if next.is_none() && !place.next.signaled() {
-                place.last.set(None);
+            if next.is_none() && !slot.next.signaled() {
+                slot.last.set(None);
             }
             guest = match next {
                 Some(next) => next,
-                None => place.next.wait().await,
+                None => slot.next.wait().await,
             };
         }
     }
@@ -228,7 +228,7 @@ mod tests {
         let peer = Peer::of(&theirs).unwrap();
         sessions.admit(Guest::by_socket(theirs, &peer).unwrap());
         let free_again = async {
-            while sessions.places.iter().any(|place| place.last.get().is_some()) {
+            while sessions.slots.iter().any(|slot| slot.last.get().is_some()) {
                 Timer::after_millis(5).await;
             }
         };

@@ -102,7 +102,9 @@ impl PortKind {
     pub(crate) fn connections(&self) -> usize {
         match self {
             Self::TcpServer(server) => usize::from(server.clients) + 1,
-            _ => 0,
+            Self::Serial(_) | Self::TcpClient(_) | Self::UdpServer(_) | Self::Scanner | Self::Ethercat(_) => {
+                0
+            }
         }
     }
 }

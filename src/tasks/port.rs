@@ -101,7 +101,8 @@ async fn play<H: SerialHost, C: TcpConnect>(
             outlined(pin!(client::tcp::run(dispatcher, settings, connector))).await;
         }
         // Served by connection tasks, or no port.
-        _ => {
+        Some(PortKind::TcpServer(_) | PortKind::UdpServer(_) | PortKind::Scanner | PortKind::Ethercat(_))
+        | None => {
             dispatcher.close();
             core::future::pending().await
         }

@@ -21,7 +21,7 @@ use super::keeping::{Keep, Kept};
 use super::line::LineWriter;
 use super::objects::REASON_BYTES;
 use super::points::PointObjects;
-use super::room::{Room, first_of, span};
+use super::room::{LONG_LAST_INPUTS, Room, span};
 use super::shared::EthercatState;
 use super::slaves::ModbusSlave;
 use super::slots::Slots;
@@ -217,14 +217,13 @@ impl Application for GatewayObjects<'_> {
             return Ok(into.len());
         }
         match (at.index, at.sub) {
-            (0x2021 | 0x2023, sub) => self.shared.inputs(|buffer| copy_entry(buffer, 0, sub, into))?,
-            (0x2022 | 0x2024, sub) => self.shared.outputs(|buffer| copy_entry(buffer, 0, sub, into))?,
-            (index @ (0x2025 | 0x2027 | 0x2029), sub) => {
-                self.shared.inputs(|buffer| copy_entry(buffer, first_of(index), sub, into))?;
+            (0x2021 | 0x2023 | 0x2025, sub) => {
+                self.shared.inputs(|buffer| copy_entry(buffer, 0, sub, into))?
             }
-            (index @ (0x2026 | 0x2028 | 0x202a), sub) => {
-                self.shared.outputs(|buffer| copy_entry(buffer, first_of(index), sub, into))?;
+            (0x2022 | 0x2024 | 0x2026, sub) => {
+                self.shared.outputs(|buffer| copy_entry(buffer, 0, sub, into))?
             }
+            (0x2027, _) => self.shared.inputs(|buffer| copy_entry(buffer, LONG_LAST_INPUTS, 1, into))?,
             (0x10f3, sub) => self.shared.history(|history| history.read(sub, into))?,
             (0x10f8, _) => into.copy_from_slice(&(Instant::now().as_micros() * 1_000).to_le_bytes()),
             (0x2033, 3) => return Ok(self.shared.requests().copy_response(into)),

@@ -4,12 +4,16 @@
 //! or `0x`): the EtherCAT Technology Group assigns vendor ids. The default belongs to nobody, and is for evaluation only.
 
 use ethercat_subdevice::device::{Device, Identity};
+use ethercat_subdevice::foe::FileAccess;
 use ethercat_subdevice::object::{Access, DataType, Entry, Mapped, Object};
 use ethercat_subdevice::standard;
 use ethercat_subdevice::sync_manager::MemoryPlan;
 
 use super::request::REQUEST_BYTES_MAX;
-use super::room::{FIRST_BYTES, FOURTH_END, IMAGE_BYTES, LONG_ENTRY, LONG_INPUTS, LONG_OUTPUTS, SECOND_END};
+use super::room::{
+    FIRST_BYTES, IMAGE_BYTES, LONG_ENTRY, LONG_FIRST_END, LONG_INPUTS, LONG_OUTPUTS, LONG_SECOND_END,
+    SECOND_END,
+};
 use super::slaves::{CONFIGURATIONS, HEALTH, LAYOUTS, SLAVES, SLAVES_FIRST, STATUSES, first_four};
 use super::texts::TEXTS;
 use crate::modbus::PDU_BYTES_MAX;
@@ -47,11 +51,12 @@ pub const DEVICE: Device = Device {
     controller: [0x80, 0, 0, 0, 0, 0, 0, 0],
     // Some MainDevices (ethercrab 0.7) fail at the first one: 10F3h:05 and the port's settings enable them.
     emergencies: false,
+    files: FileAccess::None,
     texts: TEXTS,
     objects: OBJECTS,
 };
 
-/// The gateway for a controller with memory for longer images: the same objects, and more PDOs.
+/// The gateway for a controller with memory for longer images: the same objects, and PDOs for more bytes.
 pub const LONG_DEVICE: Device = Device {
     identity: LONG_IDENTITY,
     name: "mobgate EtherCAT to Modbus gateway, long images",
@@ -159,7 +164,7 @@ const BEFORE_IDENTITY: &[Object] = &[
     RESTORE,
 ];
 
-const BEFORE_INPUT_PDOS: &[Object] = &[
+const FIRST_OUTPUT_PDOS: &[Object] = &[
     standard::ERROR_SETTINGS,
     standard::DIAGNOSIS_HISTORY,
     standard::TIME_STAMP,
@@ -167,21 +172,29 @@ const BEFORE_INPUT_PDOS: &[Object] = &[
         .excluding(&[0x1601])
         .undescribed(),
     Object::mapping(0x1601, "Outputs 0 to 119", &[by_eight(0x2024, 0, FIRST_BYTES)]),
+];
+
+const OUTPUT_PDOS: &[Object] = &[
     Object::mapping(0x1602, "Outputs 120 to 255", &[by_eight(0x2024, FIRST_BYTES, SECOND_END)]),
     Object::mapping(0x1603, "Outputs 256 to 511", &[by_eight(0x2024, SECOND_END, IMAGE_BYTES)]),
 ];
 
-const INPUT_PDOS: &[Object] = &[
+const FIRST_INPUT_PDOS: &[Object] = &[
     Object::mapping(0x1a00, "Inputs by byte", &[all_of(0x2021, FIRST_BYTES as u8, 8)])
         .excluding(&[0x1a01])
         .undescribed(),
     Object::mapping(0x1a01, "Inputs 0 to 119", &[by_eight(0x2023, 0, FIRST_BYTES)]),
     Object::mapping(0x1a02, "Status", &[all_of(0x2030, 1, 8)]),
     Object::mapping(0x1a03, "Health of the first four slaves", &[all_of(0x2031, SLAVES_FIRST, 8)]),
+];
+
+const INPUT_PDOS: &[Object] = &[
     Object::mapping(0x1a04, "Inputs 120 to 255", &[by_eight(0x2023, FIRST_BYTES, SECOND_END)]),
     Object::mapping(0x1a05, "Inputs 256 to 511", &[by_eight(0x2023, SECOND_END, IMAGE_BYTES)]),
-    Object::mapping(0x1a06, "State of all slaves", &[all_of(0x2032, SLAVES, 16)]),
+    STATE_PDO,
 ];
+
+const STATE_PDO: Object = Object::mapping(0x1a06, "State of all slaves", &[all_of(0x2032, SLAVES, 16)]);
 
 const BEHIND_PDOS: &[Object] = &[
     standard::SYNC_MANAGER_TYPES,
@@ -238,83 +251,58 @@ pub(super) const BEHIND_STATES: &[Object] = &[
 const FIRST_CONFIGURATIONS: &[Object] = &first_four(&CONFIGURATIONS, 0x2001);
 const FIRST_LAYOUTS: &[Object] = &first_four(&LAYOUTS, 0x2011);
 
-/// Additional objects of a device with long images: their PDOs, and the bytes after the first 512.
+/// The PDOs of a device with long images in place of those for bytes 120 to 511. Their entries are the longest that the EEPROM can
+/// describe, so that it has room for all.
 const LONG_OUTPUT_PDOS: &[Object] = &[
-    Object::mapping(
-        0x1604,
-        "Outputs 512 to 1023",
-        &[all_of(0x2026, long_entries(IMAGE_BYTES, FOURTH_END), LONG_ENTRY_BITS)],
-    ),
-    Object::mapping(
-        0x1605,
-        "Outputs 1024 to 1499",
-        &[
-            all_of(0x2028, long_entries(FOURTH_END, LONG_OUTPUTS), LONG_ENTRY_BITS),
-            rest(0x202a, LONG_OUTPUTS),
-        ],
-    ),
+    Object::mapping(0x1604, "Outputs 120 to 509", &[by_thirty(0x2026, FIRST_BYTES, LONG_FIRST_END)]),
+    Object::mapping(0x1605, "Outputs 510 to 1019", &[by_thirty(0x2026, LONG_FIRST_END, LONG_SECOND_END)]),
+    Object::mapping(0x1606, "Outputs 1020 to 1499", &[by_thirty(0x2026, LONG_SECOND_END, LONG_OUTPUTS)]),
 ];
 
 const LONG_INPUT_PDOS: &[Object] = &[
+    STATE_PDO,
+    Object::mapping(0x1a07, "Inputs 120 to 509", &[by_thirty(0x2025, FIRST_BYTES, LONG_FIRST_END)]),
+    Object::mapping(0x1a08, "Inputs 510 to 1019", &[by_thirty(0x2025, LONG_FIRST_END, LONG_SECOND_END)]),
     Object::mapping(
-        0x1a07,
-        "Inputs 512 to 1023",
-        &[all_of(0x2025, long_entries(IMAGE_BYTES, FOURTH_END), LONG_ENTRY_BITS)],
-    ),
-    Object::mapping(
-        0x1a08,
-        "Inputs 1024 to 1485",
-        &[all_of(0x2027, long_entries(FOURTH_END, LONG_INPUTS), LONG_ENTRY_BITS), rest(0x2029, LONG_INPUTS)],
+        0x1a09,
+        "Inputs 1020 to 1485",
+        &[by_thirty(0x2025, LONG_SECOND_END, LONG_INPUTS), LAST_INPUTS],
     ),
 ];
 
 const LONG_BUFFERS: &[Object] = &[
     Object::array(
         0x2025,
-        "InputBufferFrom512",
-        long_entries(IMAGE_BYTES, FOURTH_END),
-        Entry::input("Input bytes, from 512:", DataType::Octets(LONG_ENTRY)),
+        "InputBufferByThirty",
+        (LONG_INPUTS / LONG_ENTRY) as u8,
+        Entry::input("Input bytes", DataType::Octets(LONG_ENTRY)),
     ),
     Object::array(
         0x2026,
-        "OutputBufferFrom512",
-        long_entries(IMAGE_BYTES, FOURTH_END),
-        Entry::output("Output bytes, from 512:", DataType::Octets(LONG_ENTRY)),
+        "OutputBufferByThirty",
+        (LONG_OUTPUTS / LONG_ENTRY) as u8,
+        Entry::output("Output bytes", DataType::Octets(LONG_ENTRY)),
     ),
-    Object::array(
-        0x2027,
-        "InputBufferFrom1024",
-        long_entries(FOURTH_END, LONG_INPUTS),
-        Entry::input("Input bytes, from 1024:", DataType::Octets(LONG_ENTRY)),
-    ),
-    Object::array(
-        0x2028,
-        "OutputBufferFrom1024",
-        long_entries(FOURTH_END, LONG_OUTPUTS),
-        Entry::output("Output bytes, from 1024:", DataType::Octets(LONG_ENTRY)),
-    ),
-    Object::variable(0x2029, Entry::input("Last input bytes", DataType::Octets(LONG_INPUTS % LONG_ENTRY))),
-    Object::variable(0x202a, Entry::output("Last output bytes", DataType::Octets(LONG_OUTPUTS % LONG_ENTRY))),
+    Object::variable(0x2027, Entry::input("Last input bytes", DataType::Octets(LONG_INPUTS % LONG_ENTRY))),
 ];
 
-/// Bits of an entry after the first 512 bytes: the EEPROM has no room for as many as of eight bytes.
-const LONG_ENTRY_BITS: u8 = 8 * LONG_ENTRY as u8;
-
-/// Number of such entries from `first` to `end` of a buffer.
-const fn long_entries(first: u16, end: u16) -> u8 {
-    ((end - first) / LONG_ENTRY) as u8
+/// The complete entries of thirty bytes from `first` to `end` of a buffer.
+const fn by_thirty(index: u16, first: u16, end: u16) -> Mapped {
+    let (sub, count) = ((first / LONG_ENTRY) as u8 + 1, ((end - first) / LONG_ENTRY) as u8);
+    Mapped { index, sub, count, bits: 8 * LONG_ENTRY as u8 }
 }
 
-/// The remaining bytes of a buffer that ends at `end`: less than one such entry.
-const fn rest(index: u16, end: u16) -> Mapped {
-    Mapped { index, sub: 0, count: 1, bits: (end % LONG_ENTRY * 8) as u8 }
-}
+/// The input bytes behind the last complete entry.
+const LAST_INPUTS: Mapped =
+    Mapped { index: 0x2027, sub: 0, count: 1, bits: (LONG_INPUTS % LONG_ENTRY * 8) as u8 };
 
 /// The parts of the table, in index order.
 const PARTS: &[&[Object]] = &[
     BEFORE_IDENTITY,
     &[standard::identity(IDENTITY_ENTRIES)],
-    BEFORE_INPUT_PDOS,
+    FIRST_OUTPUT_PDOS,
+    OUTPUT_PDOS,
+    FIRST_INPUT_PDOS,
     INPUT_PDOS,
     BEHIND_PDOS,
     FIRST_CONFIGURATIONS,
@@ -332,9 +320,9 @@ const PARTS: &[&[Object]] = &[
 const LONG_PARTS: &[&[Object]] = &[
     BEFORE_IDENTITY,
     &[standard::identity(LONG_IDENTITY_ENTRIES)],
-    BEFORE_INPUT_PDOS,
+    FIRST_OUTPUT_PDOS,
     LONG_OUTPUT_PDOS,
-    INPUT_PDOS,
+    FIRST_INPUT_PDOS,
     LONG_INPUT_PDOS,
     BEHIND_PDOS,
     FIRST_CONFIGURATIONS,

@@ -17,11 +17,14 @@ pub(super) const FIRST_BYTES: u16 = 120;
 /// End of the PDO that follows those, and start of the next.
 pub(super) const SECOND_END: u16 = 256;
 
-/// End of the PDO after the first 512 bytes of a long image, and start of the last one.
-pub(super) const FOURTH_END: u16 = 1_024;
+/// Bytes of an entry of a long image: complete registers, and at most 255 bits, the SII's limit.
+pub(super) const LONG_ENTRY: u16 = 30;
 
-/// Bytes of an entry after the first 512; before, an entry has one or eight.
-pub(super) const LONG_ENTRY: u16 = 16;
+/// End of a long image's PDO that follows the first bytes, and start of the next.
+pub(super) const LONG_FIRST_END: u16 = 510;
+
+/// End of that one, and start of the last one.
+pub(super) const LONG_SECOND_END: u16 = 1_020;
 
 /// Bytes available for images.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -56,22 +59,16 @@ pub(super) const fn span(pdo: u16) -> Option<(u16, u16)> {
         0x1600 | 0x1601 | 0x1a00 | 0x1a01 => Some((0, FIRST_BYTES)),
         0x1602 | 0x1a04 => Some((FIRST_BYTES, SECOND_END)),
         0x1603 | 0x1a05 => Some((SECOND_END, IMAGE_BYTES)),
-        0x1604 | 0x1a07 => Some((IMAGE_BYTES, FOURTH_END)),
-        0x1605 => Some((FOURTH_END, LONG_OUTPUTS)),
-        0x1a08 => Some((FOURTH_END, LONG_INPUTS)),
+        0x1604 | 0x1a07 => Some((FIRST_BYTES, LONG_FIRST_END)),
+        0x1605 | 0x1a08 => Some((LONG_FIRST_END, LONG_SECOND_END)),
+        0x1606 => Some((LONG_SECOND_END, LONG_OUTPUTS)),
+        0x1a09 => Some((LONG_SECOND_END, LONG_INPUTS)),
         _ => None,
     }
 }
 
-/// Start of an object's part of the buffers, after byte 511.
-pub(super) const fn first_of(index: u16) -> u16 {
-    match index {
-        0x2025 | 0x2026 => IMAGE_BYTES,
-        0x2027 | 0x2028 => FOURTH_END,
-        0x2029 => LONG_INPUTS / LONG_ENTRY * LONG_ENTRY,
-        _ => LONG_OUTPUTS / LONG_ENTRY * LONG_ENTRY,
-    }
-}
+/// Start of the input bytes behind the last complete entry of a long image.
+pub(super) const LONG_LAST_INPUTS: u16 = LONG_INPUTS / LONG_ENTRY * LONG_ENTRY;
 
 /// Contiguous bytes from the start that `pdos` cover.
 fn covered(pdos: &[u16]) -> u16 {
@@ -94,8 +91,8 @@ mod tests {
         assert_eq!(covered(&[0x1601, 0x1602]), 256);
         assert_eq!(covered(&[0x1603, 0x1600, 0x1602]), 512, "in any order");
         assert_eq!(covered(&[0x1600, 0x1603]), 120);
-        assert_eq!(covered(&[0x1601, 0x1602, 0x1603, 0x1604, 0x1605]), 1_500);
-        assert_eq!(covered(&[0x1a01, 0x1a04, 0x1a05, 0x1a07, 0x1a08, 0x1a06]), 1_486);
+        assert_eq!(covered(&[0x1601, 0x1604, 0x1605, 0x1606]), 1_500);
+        assert_eq!(covered(&[0x1a01, 0x1a07, 0x1a08, 0x1a09, 0x1a06]), 1_486);
         assert_eq!(covered(&[0x1a04, 0x1a05]), 0, "without the first ones the others are no image");
     }
 }

@@ -37,7 +37,7 @@ fn file_of_gateway() -> String {
 
 #[test]
 fn statement_58_the_esi_file_follows_the_schema() {
-    for file in [file_of_gateway(), esi_of(&MAILBOX_128)] {
+    for file in [file_of_gateway(), esi_of(&MAILBOX_128), esi_of(&FILES_128)] {
         assert_eq!(schema::faults(&Document::parse(&file).unwrap()), [""; 0]);
     }
 }
@@ -128,10 +128,28 @@ fn the_file_says_how_long_images_may_be_and_where_they_lie() {
     });
     let expected = [("mobgate", 1), ("mobgate-long", 3), ("mobgate-modular", 2), ("mobgate-modular-long", 4)];
     assert_eq!(codes.collect::<Vec<_>>(), expected);
-    for (index, bytes) in [("#x1605", 476), ("#x1A08", 462)] {
+    for (index, bytes) in [("#x1606", 480), ("#x1A09", 466)] {
         let pdo = devices[1].children().find(|node| text(*node, "Index") == index).unwrap();
         let entries = pdo.children().filter(|node| node.has_tag_name("Entry"));
         assert_eq!(entries.map(|entry| number(text(entry, "BitLen"))).sum::<u32>(), 8 * bytes, "{index}");
+    }
+}
+
+#[test]
+fn statement_63_files_and_boot_are_in_the_eeprom_and_the_file_of_a_device_that_has_them_only() {
+    // Mailboxes as in PreOp: 128 bytes at 1000h and 1080h.
+    let boot = [0x00, 0x10, 0x80, 0x00, 0x80, 0x10, 0x80, 0x00];
+    let with_boot = sii_of(&FILES_128);
+    assert_eq!((&with_boot[0x28..0x30], &with_boot[0x30..0x38]), (&boot[..], &boot[..]));
+    assert_eq!((with_boot[0x38], category(&with_boot, 30)[6]), (0x0c, 1));
+    let file = esi_of(&FILES_128);
+    assert!(file.contains("<BootStrap>0010800080108000</BootStrap>") && file.contains("<FoE/>"), "{file}");
+
+    static WITHOUT_BOOT: Device = Device { files: FileAccess::WithoutBoot, ..DEVICE };
+    for (device, protocols) in [(&MAILBOX_128, 0x04), (&WITHOUT_BOOT, 0x0c)] {
+        let (image, file) = (sii_of(device), esi_of(device));
+        assert_eq!((&image[0x28..0x30], image[0x38]), (&[0; 8][..], protocols));
+        assert_eq!((file.contains("BootStrap"), file.contains("FoE")), (false, protocols == 0x0c));
     }
 }
 
@@ -180,13 +198,14 @@ fn used(image: &[u8]) -> usize {
 
 #[test]
 fn statement_41_an_eeprom_image_that_others_make_from_the_file_is_the_devices_own() {
-    let (gateway, small) = (file_of_gateway(), esi_of(&MAILBOX_128));
+    let (gateway, small, files) = (file_of_gateway(), esi_of(&MAILBOX_128), esi_of(&FILES_128));
     for (device, file, nth) in [
         (&GATEWAY, &gateway, 0),
         (&LONG_GATEWAY, &gateway, 1),
         (&MODULAR, &gateway, 2),
         (&LONG_MODULAR, &gateway, 3),
         (&MAILBOX_128, &small, 0),
+        (&FILES_128, &files, 0),
     ] {
         let own = sii_of(device);
         let built = build(&Document::parse(file).unwrap(), nth);
@@ -203,19 +222,14 @@ fn statement_41_an_eeprom_image_that_others_make_from_the_file_is_the_devices_ow
 #[test]
 fn statement_58_the_gateways_image_fits_into_2048_bytes_and_255_strings() {
     let file = file_of_gateway();
-    for (device, nth, bytes_max) in [
-        (&GATEWAY, 0, EEPROM_BYTES_MAX),
-        (&LONG_GATEWAY, 1, sii::SII_BYTES),
-        (&MODULAR, 2, EEPROM_BYTES_MAX),
-        (&LONG_MODULAR, 3, EEPROM_BYTES_MAX),
-    ] {
+    for (nth, device) in [&GATEWAY, &LONG_GATEWAY, &MODULAR, &LONG_MODULAR].into_iter().enumerate() {
         let built = build(&Document::parse(&file).unwrap(), nth);
-        assert!(built.image.len() <= bytes_max, "{} bytes", built.image.len());
+        assert!(built.image.len() <= EEPROM_BYTES_MAX, "{} bytes", built.image.len());
         assert!(built.strings.len() <= 255, "{} strings", built.strings.len());
         let own = sii_of(device);
         assert_eq!(used(&own), built.image.len(), "its own has the same size");
         let name = device.order.replace('-', "_");
-        at_most(&format!("sii_bytes_{name}"), built.image.len() as u64, "B", bytes_max as u64);
+        at_most(&format!("sii_bytes_{name}"), built.image.len() as u64, "B", EEPROM_BYTES_MAX as u64);
         at_most(&format!("sii_strings_{name}"), built.strings.len() as u64, "strings", 255);
     }
 }

@@ -1,6 +1,7 @@
 //! Images as long as the controller's memory holds them three times, and those that it does not hold.
 
 use ethercat_subdevice::device::Identity;
+use ethercat_subdevice::foe::FileAccess;
 use ethercat_subdevice::object::{Entry, Mapped};
 use ethercat_subdevice::standard;
 use ethercat_subdevice::sync_manager::MemoryPlan;
@@ -70,6 +71,7 @@ const fn device(memory: MemoryPlan, objects: &'static [Object]) -> Device {
         memory,
         controller: [0x80, 0, 0, 0, 0, 0, 0, 0],
         emergencies: false,
+        files: FileAccess::None,
         texts: &[],
         objects,
     }

@@ -4,11 +4,13 @@
 use mobgate_clock as _;
 
 mod bench;
+mod boot;
 mod chip_resets;
 mod controllers;
 mod documents;
 mod esc_masters;
 mod esi;
+mod files;
 mod foreign;
 mod gateway;
 mod information;

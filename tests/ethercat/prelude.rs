@@ -9,6 +9,7 @@ pub(crate) use ethercat_subdevice::application::Application;
 pub(crate) use ethercat_subdevice::coe::abort::Abort;
 pub(crate) use ethercat_subdevice::device::Device;
 pub(crate) use ethercat_subdevice::esc::Esc;
+pub(crate) use ethercat_subdevice::foe::FileAccess;
 pub(crate) use ethercat_subdevice::lan9252::{InterruptPin, Wiring};
 pub(crate) use ethercat_subdevice::object::{DataType, Object};
 pub(crate) use ethercat_subdevice::sub_device::SubDevice;

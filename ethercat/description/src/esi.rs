@@ -9,9 +9,10 @@ mod xml;
 
 use std::fmt::{Error, Write};
 
-use crate::sii::{SII_BYTES, SiiFull, coe_details, write as write_sii};
+use crate::sii::{SII_BYTES, SiiFull, coe_details, mailboxes, write as write_sii};
 use entries::{Place, write_entries};
 use ethercat_subdevice::device::Device;
+use ethercat_subdevice::foe::FileAccess;
 use ethercat_subdevice::object::Object;
 use ethercat_subdevice::sync_manager::{Channel, MAILBOX_BYTES_MIN};
 use modules::NoModule;
@@ -123,13 +124,21 @@ fn write_device<W: Write>(xml: &mut Xml<'_, W>, device: &Device, slots: Option<&
                     modules::write_command(xml, command, Place::Device, |index| device.object(index).copied())
                 })
             }),
+        }?;
+        match device.files {
+            FileAccess::None => Ok(()),
+            FileAccess::WithoutBoot | FileAccess::WithBoot => xml.empty("FoE", format_args!("")),
         }
     })?;
     slots.map_or(Ok(()), |slots| modules::write_slots(xml, slots))?;
     xml.within("Eeprom", format_args!(""), |xml| {
         xml.text("ByteSize", format_args!("{SII_BYTES}"))?;
         // The part covered by the checksum, without the alias; the tool derives the rest from this file.
-        xml.text("ConfigData", format_args!("{}", xml::Hex(&device.controller)))
+        xml.text("ConfigData", format_args!("{}", xml::Hex(&device.controller)))?;
+        match device.files {
+            FileAccess::WithBoot => xml.text("BootStrap", format_args!("{}", xml::Hex(&mailboxes(device)))),
+            FileAccess::None | FileAccess::WithoutBoot => Ok(()),
+        }
     })
 }
 

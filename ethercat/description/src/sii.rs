@@ -3,6 +3,7 @@
 use crc::{Algorithm, Crc};
 
 use ethercat_subdevice::device::Device;
+use ethercat_subdevice::foe::FileAccess;
 use ethercat_subdevice::object::{Object, PADDING};
 use ethercat_subdevice::sync_manager::Channel;
 
@@ -29,8 +30,11 @@ const CRC_8: Algorithm<u8> = Algorithm {
     residue: 0,
 };
 
-/// The mailbox protocols of word 1Ch: CoE.
-const PROTOCOLS: u16 = 0x0004;
+/// The mailbox protocols of word 1Ch.
+const COE: u16 = 0x0004;
+const FOE: u16 = 0x0008;
+/// FoE, in the category General.
+const FOE_ENABLED: u8 = 0x01;
 /// CoE: SDO.
 const COE_SDO: u8 = 0x01;
 /// The other CoE services: the ESI file's attribute, the bit here, and whether it is supported.
@@ -118,13 +122,24 @@ fn head_of(device: &Device) -> [u8; CATEGORIES_START] {
     let identity = device.identity;
     let numbers = [identity.vendor, identity.product, identity.revision, identity.serial];
     (0..).zip(numbers).for_each(|(at, number)| put(0x08 + 2 * at, &number.to_le_bytes()));
-    let memory = device.memory;
-    let (out, answers) = (memory.start(Channel::MailboxOut), memory.start(Channel::MailboxIn));
-    let words = [out, memory.mailbox_bytes, answers, memory.mailbox_bytes, PROTOCOLS];
-    (0..).zip(words).for_each(|(at, word)| put(0x18 + at, &word.to_le_bytes()));
+    let mailboxes = mailboxes(device);
+    if device.files == FileAccess::WithBoot {
+        put(0x14, &mailboxes);
+    }
+    put(0x18, &mailboxes);
+    let protocols = if device.files == FileAccess::None { COE } else { COE | FOE };
+    put(0x1c, &protocols.to_le_bytes());
     // The size in KBit minus 1, and the version of this format.
     put(0x3e, &[(SII_BYTES * 8 / 1024 - 1) as u8, 0, 1, 0]);
     head
+}
+
+/// Four words: start and bytes of both mailboxes, which are the same in Boot.
+pub(crate) fn mailboxes(device: &Device) -> [u8; 8] {
+    let [out_low, out_high] = device.memory.start(Channel::MailboxOut).to_le_bytes();
+    let [in_low, in_high] = device.memory.start(Channel::MailboxIn).to_le_bytes();
+    let [low, high] = device.memory.mailbox_bytes.to_le_bytes();
+    [out_low, out_high, low, high, in_low, in_high, low, high]
 }
 
 fn general(device: &Device, strings: &Strings) -> [u8; 32] {
@@ -137,6 +152,7 @@ fn general(device: &Device, strings: &Strings) -> [u8; 32] {
         (0x02, strings.index(device.order)),
         (0x03, strings.index(device.name)),
         (0x05, details),
+        (0x06, if device.files == FileAccess::None { 0 } else { FOE_ENABLED }),
         (0x0b, GENERAL_FLAGS),
         // For readers of an older format version.
         (0x0e, strings.index(device.group)),

@@ -7,6 +7,7 @@
 mod application;
 mod controllers;
 mod devices;
+mod files;
 
 use std::cell::RefMut;
 
@@ -26,12 +27,15 @@ use controllers::{PAUSE, POWER_ON, SPI_PAUSE};
 
 pub use application::{Bench, Shared};
 pub use controllers::{CHOICE, CONTROLLERS, Controller, lan9252_with};
-pub use devices::{LARGE_BYTES, MAILBOX_34, MAILBOX_64, MAILBOX_128};
+pub use devices::{FILES_34, FILES_128, LARGE_BYTES, MAILBOX_34, MAILBOX_64, MAILBOX_128};
+pub use files::{BenchFiles, FILE_BYTES_MAX, FIRMWARE, PASSWORD};
 
 /// Init, as coded in AL control and AL status.
 pub const INIT: u16 = 1;
 /// PreOp, likewise.
 pub const PRE_OP: u16 = 2;
+/// Boot, likewise.
+pub const BOOT: u16 = 3;
 /// SafeOp, likewise.
 pub const SAFE_OP: u16 = 4;
 /// Op, likewise.
@@ -213,8 +217,9 @@ impl<A: Application + 'static> Rig<A> {
     /// Brings the device from Init to a state, as a MainDevice does.
     pub fn bring_to(&mut self, state: u16) {
         if state >= PRE_OP {
+            let first = if state == BOOT { BOOT } else { PRE_OP };
             self.set_up_mailboxes();
-            assert_eq!(self.request(PRE_OP), (PRE_OP, 0));
+            assert_eq!(self.request(first), (first, 0));
         }
         if state >= SAFE_OP {
             self.set_up_process_data();

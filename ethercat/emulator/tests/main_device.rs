@@ -18,6 +18,7 @@ static DEVICE: Device = Device {
     memory: MemoryPlan::new(128, 2, 1, 4096),
     controller: [0x80, 0, 0, 0, 0, 0, 0, 0],
     emergencies: false,
+    files: FileAccess::None,
     texts: &[],
     objects: &[
         standard::device_type(0),

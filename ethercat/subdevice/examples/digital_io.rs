@@ -13,6 +13,7 @@ static DEVICE: Device = Device {
     memory: MemoryPlan::new(128, 1, 1, 4096),
     controller: [0x80, 0, 0, 0, 0, 0, 0, 0],
     emergencies: false,
+    files: FileAccess::None,
     texts: &[],
     objects: &[
         standard::device_type(401),

@@ -11,7 +11,7 @@ pub enum AlState {
     Init = 1,
     /// Mailbox.
     PreOp = 2,
-    /// Firmware update; not offered yet.
+    /// Mailbox for files only: new firmware.
     Boot = 3,
     /// Mailbox and inputs.
     SafeOp = 4,
@@ -33,6 +33,11 @@ impl AlState {
 
     /// Whether the mailbox works in this state.
     pub const fn has_mailbox(self) -> bool {
+        !matches!(self, Self::Init)
+    }
+
+    /// Whether objects are served in this state.
+    pub const fn has_objects(self) -> bool {
         matches!(self, Self::PreOp | Self::SafeOp | Self::Op)
     }
 
@@ -54,6 +59,8 @@ pub enum AlStatusCode {
     UnknownState = 0x0012,
     /// There is no Boot state.
     BootNotSupported = 0x0013,
+    /// SM0 or SM1 does not fit the mailbox of Boot.
+    InvalidBootMailbox = 0x0015,
     /// SM0 or SM1 does not fit the mailbox.
     InvalidMailbox = 0x0016,
     /// No outputs came within the watchdog time.
@@ -169,9 +176,11 @@ impl AlMachine {
         }
         let Some(wanted) = wanted else { return self.refused(AlStatusCode::UnknownState) };
         match (self.state, wanted) {
-            (AlState::Init, AlState::Boot) => self.refused(AlStatusCode::BootNotSupported),
-            (_, AlState::Boot) => self.refused(AlStatusCode::InvalidStateChange),
             (from, to) if from == to => Step::Stay,
+            (_, AlState::Init) => Step::Down(AlState::Init),
+            (AlState::Init, AlState::Boot) => Step::Up(AlState::Boot),
+            // Boot is aside: only Init leads there and back.
+            (AlState::Boot, _) | (_, AlState::Boot) => self.refused(AlStatusCode::InvalidStateChange),
             (from, to) if to < from => Step::Down(to),
             (AlState::Init, AlState::PreOp)
             | (AlState::PreOp, AlState::SafeOp)
@@ -250,13 +259,26 @@ mod tests {
     }
 
     #[test]
-    fn boot_is_refused_from_init_as_not_supported_and_from_elsewhere_as_no_change_there_is() {
-        let code = |state| {
-            let mut machine = in_state(state);
-            machine.request(AlControl(3));
-            machine.code()
+    fn boot_is_between_init_and_init() {
+        let step = |from, to| {
+            let mut machine = in_state(from);
+            (machine.request(AlControl(to as u16)), machine.code())
         };
-        assert_eq!(STATES.map(code), [0x0013, 0x0011, 0x0011, 0x0011]);
+        let boot = AlState::Boot;
+        assert_eq!(
+            STATES.map(|from| step(from, boot)),
+            [(Step::Up(boot), 0), (Step::Stay, 0x0011), (Step::Stay, 0x0011), (Step::Stay, 0x0011)]
+        );
+        assert_eq!(
+            STATES.map(|to| step(boot, to)),
+            [
+                (Step::Down(AlState::Init), 0),
+                (Step::Stay, 0x0011),
+                (Step::Stay, 0x0011),
+                (Step::Stay, 0x0011)
+            ]
+        );
+        assert_eq!(step(boot, boot), (Step::Stay, 0));
     }
 
     #[test]
@@ -297,15 +319,16 @@ mod tests {
     }
 
     #[test]
-    fn each_state_has_its_mailbox_process_data_and_identification() {
-        for (state, mailbox, process_data) in [
-            (AlState::Init, false, false),
-            (AlState::PreOp, true, false),
-            (AlState::Boot, false, false),
-            (AlState::SafeOp, true, true),
-            (AlState::Op, true, true),
+    fn each_state_has_its_mailbox_objects_process_data_and_identification() {
+        for (state, mailbox, objects, process_data) in [
+            (AlState::Init, false, false, false),
+            (AlState::PreOp, true, true, false),
+            (AlState::Boot, true, false, false),
+            (AlState::SafeOp, true, true, true),
+            (AlState::Op, true, true, true),
         ] {
-            assert_eq!((state.has_mailbox(), state.has_process_data()), (mailbox, process_data), "{state:?}");
+            let has = (state.has_mailbox(), state.has_objects(), state.has_process_data());
+            assert_eq!(has, (mailbox, objects, process_data), "{state:?}");
             let mut machine = in_state(state);
             machine.identify(7);
             let expected = if state < AlState::SafeOp { (state as u16 | 0x20, 7) } else { (state as u16, 0) };

@@ -5,6 +5,7 @@ use crate::assignment::Assignment;
 use crate::coe::abort::Abort;
 use crate::coe::emergency::Emergency;
 use crate::esc::EscError;
+use crate::foe::{Files, NoFiles};
 use crate::indicators::Indicators;
 use crate::object::Object;
 use crate::sync_manager::Channel;
@@ -70,6 +71,11 @@ pub trait Application {
     /// The application's next emergency; called when there is room for one, while [enabled](Self::sends_emergencies).
     fn emergency(&mut self) -> Option<Emergency> {
         None
+    }
+
+    /// The application's files, where the device's table has [file access](crate::device::Device::files).
+    fn files(&mut self) -> Option<&mut impl Files> {
+        None::<&mut NoFiles>
     }
 
     /// Distinguishes the device from others of its kind when a MainDevice asks (ETG.1020, explicit device identification): the

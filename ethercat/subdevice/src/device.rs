@@ -1,6 +1,7 @@
 //! Describes a device: its identity, its memory, and its objects. All information for MainDevices comes from here.
 
 use crate::diagnosis::Text;
+use crate::foe::FileAccess;
 use crate::object::{Access, Entries, Object};
 use crate::sync_manager::{Channel, MemoryPlan};
 
@@ -23,6 +24,8 @@ pub struct Device {
     pub controller: [u8; 8],
     /// Whether errors are also reported by emergency messages.
     pub emergencies: bool,
+    /// Whether MainDevices read and write files, and in which states.
+    pub files: FileAccess,
     /// The texts of messages in the diagnosis history.
     pub texts: &'static [Text],
     /// The objects, sorted by index.

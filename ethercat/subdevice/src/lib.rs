@@ -6,7 +6,7 @@
 //!
 //! * a state request passes the state machine ([`al_state`]) and the checks of the SyncManagers ([`sync_manager`]);
 //! * a message passes the mailbox ([`mailbox`]), which dispatches by protocol: CoE ([`coe`]) serves the object dictionary
-//!   ([`dictionary`]);
+//!   ([`dictionary`]), FoE ([`foe`]) the application's files;
 //! * process data ([`process`]) are exchanged with the application ([`application`]), PDO by PDO as assigned
 //!   ([`assignment`], [`communication`]).
 //!
@@ -26,6 +26,7 @@
 //!     memory: MemoryPlan::new(128, 0, 2, 4096),
 //!     controller: [0x80, 0, 0, 0, 0, 0, 0, 0],
 //!     emergencies: false,
+//!     files: FileAccess::None,
 //!     texts: &[],
 //!     objects: &[
 //!         standard::device_type(0),
@@ -86,6 +87,7 @@ pub mod device;
 pub mod diagnosis;
 pub mod dictionary;
 pub mod esc;
+pub mod foe;
 pub mod indicators;
 pub mod lan9252;
 pub mod mailbox;

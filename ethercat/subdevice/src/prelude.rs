@@ -5,6 +5,7 @@ pub use crate::application::{Address, Application};
 pub use crate::coe::abort::Abort;
 pub use crate::device::{Device, Identity};
 pub use crate::esc::{Esc, EscError};
+pub use crate::foe::{FileAccess, FileError, FileErrorCode, Files, Opening, Transfer};
 pub use crate::object::{Access, DataType, Entry, Mapped, Object};
 pub use crate::standard;
 pub use crate::sub_device::SubDevice;

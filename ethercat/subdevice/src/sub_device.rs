@@ -19,6 +19,7 @@ use crate::coe::Coe;
 use crate::communication::{Communication, Synchronisation};
 use crate::device::Device;
 use crate::esc::{CycleCost, Esc, EscError};
+use crate::foe::Foe;
 use crate::mailbox::Mailbox;
 use crate::process::{INPUTS_BYTES, Images, OUTPUTS_BYTES};
 use crate::registers::{AL_EVENT_MASK, Events};
@@ -28,7 +29,7 @@ use crate::sync_manager::Channel;
 pub const OUTPUTS_WAIT: Duration = Duration::from_millis(1_000);
 /// Update period of inputs in free run.
 pub const FREE_RUN_CYCLE: Duration = Duration::from_millis(1);
-/// Interval at which the application is polled for the end of a write.
+/// Interval at which the application is polled for the end of a write, or of its part in a file transfer.
 const WRITING_PAUSE: Duration = Duration::from_millis(1);
 /// Interval at which the application is polled for emergencies, while they are enabled.
 const EMERGENCY_PAUSE: Duration = Duration::from_millis(20);
@@ -69,6 +70,7 @@ pub struct SubDevice<E, A, const OUTPUTS: usize = OUTPUTS_BYTES, const INPUTS: u
     communication: Communication,
     mailbox: Mailbox,
     coe: Coe,
+    foe: Foe,
     images: Images<OUTPUTS, INPUTS>,
     /// The interrupt mask as the controller has it.
     mask: Option<Events>,
@@ -98,6 +100,7 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
             communication: Communication::new(device),
             mailbox: Mailbox::default(),
             coe: Coe::default(),
+            foe: Foe::default(),
             images: Images::default(),
             mask: None,
             proved: Instant::MIN,
@@ -212,9 +215,9 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
     /// Next deadline without an event, besides the check after [`LOOK_INTERVAL`].
     pub fn due(&self) -> Option<Instant> {
         let inputs = self.runs_free().then_some(self.images.inputs_due);
-        let writes = self.al.state().has_mailbox() && self.coe.is_writing();
+        let writes = self.al.state().has_objects() && self.coe.is_writing() || self.foe.is_working();
         let written = writes.then(|| Instant::now() + WRITING_PAUSE);
-        let emergencies = self.al.state().has_mailbox() && self.application.sends_emergencies();
+        let emergencies = self.al.state().has_objects() && self.application.sends_emergencies();
         let emergency = emergencies.then(|| Instant::now() + EMERGENCY_PAUSE);
         [inputs, self.op_deadline, written, emergency].into_iter().flatten().min()
     }

@@ -129,6 +129,7 @@ fn head(device: Node<'_, '_>, vendor: u32) -> Vec<u8> {
             put(word + at, &(number(mailbox.attribute(field).unwrap()) as u16).to_le_bytes());
         }
     }
+    put(0x14, &hex(text(eeprom, "BootStrap")));
     let mailbox = child(device, "Mailbox").unwrap();
     let protocols = [("EoE", 2), ("CoE", 4), ("FoE", 8)];
     let offered = protocols.iter().filter(|(name, _)| child(mailbox, name).is_some());
@@ -150,6 +151,7 @@ fn general(device: Node<'_, '_>, strings: &mut Strings) -> Vec<u8> {
         [("SdoInfo", 2), ("PdoAssign", 4), ("PdoConfig", 8), ("PdoUpload", 0x10), ("CompleteAccess", 0x20)];
     let offered = details.iter().filter(|(attribute, _)| is_set(coe, attribute));
     general[0x05] = 1 + offered.map(|(_, bit)| bit).sum::<u8>();
+    general[0x06] = u8::from(child(mailbox, "FoE").is_some());
     let identified = child(device, "Info").is_some_and(|info| text(info, "IdentificationReg134") == "true");
     general[0x0b] = u8::from(is_set(mailbox, "DataLinkLayer")) << 2 | u8::from(identified) << 3;
     let physics = device.attribute("Physics").unwrap().chars().enumerate();

@@ -92,8 +92,8 @@ fn an_image_longer_than_the_assigned_pdos_is_refused_where_it_is_found() {
 }
 
 /// All PDOs of outputs, and of inputs, of long images.
-const LONG_OUTPUTS: [u16; 5] = [0x1601, 0x1602, 0x1603, 0x1604, 0x1605];
-const LONG_INPUTS: [u16; 5] = [0x1a01, 0x1a04, 0x1a05, 0x1a07, 0x1a08];
+const LONG_OUTPUTS: [u16; 4] = [0x1601, 0x1604, 0x1605, 0x1606];
+const LONG_INPUTS: [u16; 4] = [0x1a01, 0x1a07, 0x1a08, 0x1a09];
 
 /// Each slave has 24 holding registers, the last one 23: 1486 bytes each way.
 fn long(nth: u16) -> &'static [(u8, u16)] {
@@ -104,14 +104,14 @@ fn long(nth: u16) -> &'static [(u8, u16)] {
 fn what_the_controllers_memory_does_not_hold_is_refused_with_its_reason() {
     // 8 KiB hold 1500 bytes of outputs three times, and 1144 of inputs behind them; 4 KiB hold no inputs there.
     for (kind, taken, reason) in [
-        (Kind::ET1100, 4, "slave 21 ends past the 1024 input bytes"),
+        (Kind::ET1100, 3, "slave 21 ends past the 1020 input bytes"),
         (Kind::LAN9252, 0, "slave 0 ends past the 0 input bytes"),
     ] {
         with_long_wire(kind, BAUD, SETTINGS, devices(), async |dispatcher, gateway| {
             let group = dispatcher.to_pre_op_with::<3072>().await.unwrap();
             let device = group.subdevice(dispatcher.master, 0).unwrap();
             // 4 KiB hold 1280 bytes of outputs.
-            let outputs = if taken > 0 { LONG_OUTPUTS.len() } else { 4 };
+            let outputs = if taken > 0 { LONG_OUTPUTS.len() } else { 3 };
             device.sdo_write_array(0x1c12, &LONG_OUTPUTS[..outputs]).await.unwrap();
             for more in taken + 1..=LONG_INPUTS.len() {
                 let outcome = device.sdo_write_array(0x1c13, &LONG_INPUTS[..more]).await;
@@ -144,12 +144,13 @@ fn thirty_one_slaves_exchange_1486_bytes_behind_a_controller_with_the_memory() {
         assert_eq!(device.inputs_raw()[..], image[..1_486], "every byte is read back");
         // The same by SDO, where an object has only a part of it.
         assert_eq!(device.sdo_read::<[u8; 8]>(0x2023, 64).await.unwrap(), image[504..512]);
-        for (index, sub, first) in [(0x2025, 1, 512), (0x2026, 32, 1_008), (0x2027, 28, 1_456)] {
-            let bytes = device.sdo_read::<[u8; 16]>(index, sub).await.unwrap();
-            assert_eq!(bytes, image[first..first + 16], "{index:x}:{sub}");
+        for (index, sub, first) in
+            [(0x2025, 1, 0), (0x2025, 49, 1_440), (0x2026, 18, 510), (0x2026, 50, 1_470)]
+        {
+            let bytes = device.sdo_read::<[u8; 30]>(index, sub).await.unwrap();
+            assert_eq!(bytes, image[first..first + 30], "{index:x}:{sub}");
         }
-        assert_eq!(device.sdo_read::<[u8; 14]>(0x2029, 0).await.unwrap(), image[1_472..1_486]);
-        assert_eq!(device.sdo_read::<[u8; 12]>(0x202a, 0).await.unwrap(), image[1_488..]);
+        assert_eq!(device.sdo_read::<[u8; 16]>(0x2027, 0).await.unwrap(), image[1_470..1_486]);
     });
 }
 

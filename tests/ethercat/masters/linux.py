@@ -12,12 +12,12 @@ from patience import PATIENCE, slow_watchdog, start
 
 
 LONG = "long" in sys.argv[2:]
-BYTES = 1024 if LONG else 120
+BYTES = 1020 if LONG else 120
 
 
 def assign(gateway):
     """All that SOEM takes: it has the outputs of one device in one frame, and the inputs."""
-    for index, pdos in ((0x1C12, (0x1601, 0x1602, 0x1603, 0x1604)), (0x1C13, (0x1A01, 0x1A04, 0x1A05, 0x1A07))):
+    for index, pdos in ((0x1C12, (0x1601, 0x1604, 0x1605)), (0x1C13, (0x1A01, 0x1A07, 0x1A08))):
         gateway.sdo_write(index, 0, bytes([0]))
         for sub, pdo in enumerate(pdos, 1):
             gateway.sdo_write(index, sub, pdo.to_bytes(2, "little"))

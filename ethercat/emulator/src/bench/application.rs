@@ -10,9 +10,12 @@ use ethercat_subdevice::assignment::Assignment;
 use ethercat_subdevice::coe::abort::Abort;
 use ethercat_subdevice::coe::emergency::Emergency;
 use ethercat_subdevice::esc::EscError;
+use ethercat_subdevice::foe::{FileError, Files, Opening};
 use ethercat_subdevice::indicators::Indicators;
 use ethercat_subdevice::object::Object;
 use ethercat_subdevice::sync_manager::Channel;
+
+use super::files::BenchFiles;
 
 /// An application that a test can inspect while the SubDevice uses it.
 pub struct Shared<A>(pub Rc<RefCell<A>>);
@@ -57,6 +60,11 @@ impl<A: Application> Application for Shared<A> {
 
     fn emergency(&mut self) -> Option<Emergency> {
         self.0.borrow_mut().emergency()
+    }
+
+    fn files(&mut self) -> Option<&mut impl Files> {
+        let has_files = self.0.borrow_mut().files().is_some();
+        has_files.then_some(self)
     }
 
     fn identification(&self) -> Option<u16> {
@@ -116,6 +124,40 @@ impl<A: Application> Application for Shared<A> {
     }
 }
 
+impl<A: Application> Files for Shared<A> {
+    fn open(&mut self, opening: &Opening<'_>) {
+        if let Some(files) = self.0.borrow_mut().files() {
+            files.open(opening);
+        }
+    }
+
+    fn write(&mut self, bytes: &[u8]) {
+        if let Some(files) = self.0.borrow_mut().files() {
+            files.write(bytes);
+        }
+    }
+
+    fn finish(&mut self) {
+        if let Some(files) = self.0.borrow_mut().files() {
+            files.finish();
+        }
+    }
+
+    fn done(&mut self) -> Option<Result<(), FileError>> {
+        self.0.borrow_mut().files()?.done()
+    }
+
+    fn read(&mut self, into: &mut [u8]) -> Option<Result<usize, FileError>> {
+        self.0.borrow_mut().files()?.read(into)
+    }
+
+    fn abort(&mut self) {
+        if let Some(files) = self.0.borrow_mut().files() {
+            files.abort();
+        }
+    }
+}
+
 /// The application of the bench's devices.
 #[derive(Default)]
 pub struct Bench {
@@ -137,6 +179,8 @@ pub struct Bench {
     pub writing: bool,
     /// That error.
     pub write_error: Option<Abort>,
+    /// Files, for the devices that have any.
+    pub files: BenchFiles,
     /// A state that the application refuses, with the code.
     pub refuses: Option<(AlState, AlStatusCode)>,
 }
@@ -164,6 +208,10 @@ impl Application for Bench {
     fn written(&mut self) -> Option<Result<(), Abort>> {
         let outcome = self.write_error.map_or(Ok(()), Err);
         (!self.writing).then_some(outcome)
+    }
+
+    fn files(&mut self) -> Option<&mut impl Files> {
+        Some(&mut self.files)
     }
 
     fn outputs(&mut self, _pdo: u16, bytes: &[u8]) {

@@ -1,6 +1,7 @@
 //! The bench's devices: equal except for mailbox sizes, with objects for every SDO feature.
 
 use ethercat_subdevice::device::{Device, Identity};
+use ethercat_subdevice::foe::FileAccess;
 use ethercat_subdevice::object::{Access, DataType, Entry, Mapped, Object};
 use ethercat_subdevice::standard;
 use ethercat_subdevice::sync_manager::MemoryPlan;
@@ -14,6 +15,10 @@ pub static MAILBOX_34: Device = device(34);
 pub static MAILBOX_64: Device = device(64);
 /// With mailboxes of 128 bytes.
 pub static MAILBOX_128: Device = device(128);
+/// With the shortest mailboxes, files and the Boot state.
+pub static FILES_34: Device = Device { files: FileAccess::WithBoot, ..device(34) };
+/// The same with mailboxes of 128 bytes.
+pub static FILES_128: Device = Device { files: FileAccess::WithBoot, ..device(128) };
 
 const IDENTITY: Identity =
     Identity { vendor: 0x1234_5678, product: 0x9abc_def0, revision: 0x11, serial: 0x22 };
@@ -72,6 +77,7 @@ const fn device(mailbox_bytes: u16) -> Device {
         memory: MemoryPlan::new(mailbox_bytes, 120, 120, 4096),
         controller: [0x80, 0, 0, 0, 0, 0, 0, 0],
         emergencies: false,
+        files: FileAccess::None,
         texts: &[],
         objects: OBJECTS,
     }

@@ -18,7 +18,7 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
         self.go_down(state).await?;
         self.al.fell(state, code);
         self.report(Cause::ProcessDataLost, code);
-        self.application.entered(state);
+        self.entered(state);
         self.write_status().await
     }
 
@@ -42,7 +42,7 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
         if !state.has_mailbox() {
             return Ok(());
         }
-        if let Err(code) = self.check_mailboxes(&found) {
+        if let Err(code) = self.check_mailboxes(&found, state) {
             return self.fall(AlState::Init, code).await;
         }
         if state.has_process_data()
@@ -64,10 +64,14 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
         }
     }
 
-    pub(super) fn check_mailboxes(&self, found: &SyncManagers) -> Result<(), AlStatusCode> {
+    /// Checks the mailboxes, which are the same in every `state` that has them.
+    pub(super) fn check_mailboxes(&self, found: &SyncManagers, state: AlState) -> Result<(), AlStatusCode> {
         let bytes = self.device.memory.mailbox_bytes;
-        self.check(found, Channel::MailboxOut, bytes)?;
-        self.check(found, Channel::MailboxIn, bytes)
+        let out = self.check(found, Channel::MailboxOut, bytes);
+        out.and_then(|()| self.check(found, Channel::MailboxIn, bytes)).map_err(|code| match state {
+            AlState::Boot => AlStatusCode::InvalidBootMailbox,
+            _ => code,
+        })
     }
 
     pub(super) fn check_process_data(&self, found: &SyncManagers) -> Result<(), AlStatusCode> {

@@ -1,6 +1,6 @@
 //! Messages: takes one from SM0 when there is room for its response, and writes one to SM1 when that is empty.
 
-use embassy_time::{Duration, Timer};
+use embassy_time::{Duration, Instant, Timer};
 
 use super::{PDI_CONTROL_OFF, SubDevice};
 use crate::application::Application;
@@ -8,6 +8,7 @@ use crate::catalogue::Catalogue;
 use crate::coe::emergency::Emergency;
 use crate::dictionary::Dictionary;
 use crate::esc::{Esc, EscError};
+use crate::foe::FileAccess;
 use crate::mailbox::{MAILBOX_BYTES_MAX, MailboxError, Payload, Protocol};
 use crate::registers::Events;
 use crate::sync_manager::Channel;
@@ -24,6 +25,9 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
         }
         if events.any(Events::MAILBOX_FETCHED) {
             self.mailbox.fetched();
+        }
+        if let Some(files) = self.application.files() {
+            self.foe.expire(files, Instant::now());
         }
         let ended = self.coe.written(&mut self.application);
         let written = ended.is_some();
@@ -45,7 +49,8 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
 
     /// Whether something waits for SM1 to be read.
     pub(super) fn waits_for_mailbox(&self) -> bool {
-        self.mailbox.is_occupied() && (!self.mailbox.is_idle() || self.coe.has_more())
+        self.mailbox.is_occupied()
+            && (!self.mailbox.is_idle() || self.coe.has_more() || self.foe.is_working())
     }
 
     async fn take_request(&mut self) -> Result<(), EscError> {
@@ -54,11 +59,25 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
         let mailbox = buffer.get_mut(..bytes).unwrap_or_default();
         self.esc.read(self.device.memory.start(Channel::MailboxOut), mailbox).await?;
         let Some(request) = self.mailbox.receive(mailbox) else { return Ok(()) };
-        // EoE and FoE would be dispatched here by protocol.
-        if request.protocol != Protocol::CanOpen as u8 {
-            self.mailbox.refuse::<()>(MailboxError::UnsupportedProtocol);
-            return Ok(());
+        let (protocol, answered) = match request.protocol {
+            protocol if protocol == Protocol::CanOpen as u8 && self.al.state().has_objects() => {
+                (Protocol::CanOpen, self.object_request(request.payload))
+            }
+            protocol if protocol == Protocol::File as u8 => {
+                (Protocol::File, self.file_request(request.payload))
+            }
+            // EoE would be dispatched here too.
+            _ => (Protocol::Error, Err(MailboxError::UnsupportedProtocol)),
+        };
+        match answered {
+            Ok(Some(answer)) => self.mailbox.send(protocol, answer),
+            Ok(None) => {}
+            Err(error) => drop(self.mailbox.refuse::<()>(error)),
         }
+        Ok(())
+    }
+
+    fn object_request(&mut self, payload: &[u8]) -> Result<Option<Payload>, MailboxError> {
         self.communication.timing.minimum_cycle_ns = self.cycle_ns_min();
         let mut dictionary = Dictionary {
             device: self.device,
@@ -66,31 +85,45 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
             application: &mut self.application,
             state: self.al.state(),
         };
-        match self.coe.request(request.payload, &mut dictionary, self.mailbox.payload_bytes()) {
-            Ok(Some(answer)) => self.mailbox.send(Protocol::CanOpen, answer),
-            Ok(None) => {}
-            Err(error) => drop(self.mailbox.refuse::<()>(error)),
-        }
-        Ok(())
+        self.coe.request(payload, &mut dictionary, self.mailbox.payload_bytes())
     }
 
-    /// The next message without a new request: the rest of a response, or an emergency.
-    fn next_message(&mut self) -> Option<Payload> {
-        let catalogue = Catalogue { device: self.device, application: &self.application };
-        let next = self.coe.next(self.mailbox.payload_bytes(), &catalogue);
-        if next.is_some() || !self.application.sends_emergencies() {
-            return next;
+    fn file_request(&mut self, payload: &[u8]) -> Result<Option<Payload>, MailboxError> {
+        let offered = self.device.files != FileAccess::None;
+        let files = offered.then(|| self.application.files()).flatten();
+        let files = files.ok_or(MailboxError::UnsupportedProtocol)?;
+        self.foe.request(payload, files, self.al.state(), self.mailbox.payload_bytes(), Instant::now())
+    }
+
+    /// The next message without a new request: of a file, the rest of a response, or an emergency.
+    fn next_message(&mut self) -> Option<(Protocol, Payload)> {
+        let room = self.mailbox.payload_bytes();
+        if let Some(files) = self.application.files()
+            && let Some(message) = self.foe.next(files, room, Instant::now())
+        {
+            return Some((Protocol::File, message));
         }
-        self.application.emergency().map(Emergency::message)
+        if !self.al.state().has_objects() {
+            return None;
+        }
+        let catalogue = Catalogue { device: self.device, application: &self.application };
+        let next = self.coe.next(room, &catalogue);
+        let next = match next {
+            None if self.application.sends_emergencies() => {
+                self.application.emergency().map(Emergency::message)
+            }
+            next => next,
+        };
+        next.map(|message| (Protocol::CanOpen, message))
     }
 
     async fn give_message(&mut self) -> Result<bool, EscError> {
         // Only once it can go into SM1: a queued message cannot be withdrawn.
         if self.mailbox.is_idle()
             && !self.mailbox.is_occupied()
-            && let Some(payload) = self.next_message()
+            && let Some((protocol, payload)) = self.next_message()
         {
-            self.mailbox.send(Protocol::CanOpen, payload);
+            self.mailbox.send(protocol, payload);
         }
         let mut buffer = [0; MAILBOX_BYTES_MAX];
         let Some(message) = self.mailbox.next(&mut buffer) else { return Ok(false) };

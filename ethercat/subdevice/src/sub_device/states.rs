@@ -8,6 +8,7 @@ use crate::application::Application;
 use crate::coe::Coe;
 use crate::coe::emergency::Cause;
 use crate::esc::{Esc, EscError};
+use crate::foe::FileAccess;
 use crate::registers::{
     AL_CONTROL, AL_STATUS, AL_STATUS_CODE, DC_ACTIVATION, STATION_ALIAS, SYNC_MANAGERS_PRESENT,
 };
@@ -50,7 +51,7 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
             self.switch(channel, false).await?;
         }
         self.al = AlMachine::new(fault);
-        self.application.entered(AlState::Init);
+        self.entered(AlState::Init);
         self.op_deadline = None;
         self.mask = None;
         self.proved = Instant::now();
@@ -68,7 +69,7 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
             Step::Down(state) => {
                 self.go_down(state).await?;
                 self.al.reached(state);
-                self.application.entered(state);
+                self.entered(state);
             }
             Step::Up(state) => self.go_up(state).await?,
         }
@@ -90,7 +91,7 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
 
     async fn go_up(&mut self, state: AlState) -> Result<(), EscError> {
         let prepared = match state {
-            AlState::PreOp => self.prepare_pre_op().await,
+            AlState::PreOp | AlState::Boot => self.prepare_mailboxes(state).await,
             AlState::SafeOp => self.prepare_safe_op().await,
             _ => self.prepare_op(),
         };
@@ -98,7 +99,7 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
             Ok(()) if self.op_deadline.is_some() => {}
             Ok(()) => {
                 self.al.reached(state);
-                self.application.entered(state);
+                self.entered(state);
             }
             Err(Failure::Refused(code)) => self.refuse(state, code),
             Err(Failure::Esc(error)) => return Err(error),
@@ -115,10 +116,13 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
         }
     }
 
-    async fn prepare_pre_op(&mut self) -> Result<(), Failure> {
+    async fn prepare_mailboxes(&mut self, state: AlState) -> Result<(), Failure> {
+        if state == AlState::Boot && self.device.files != FileAccess::WithBoot {
+            return Err(AlStatusCode::BootNotSupported.into());
+        }
         let found = self.read_sync_managers().await?;
-        self.check_mailboxes(&found)?;
-        self.application.may_enter(AlState::PreOp)?;
+        self.check_mailboxes(&found, state)?;
+        self.application.may_enter(state)?;
         self.communication.follow(&self.application);
         let repeat = found[Channel::MailboxIn as usize].repeat();
         self.mailbox.start(self.device.memory.mailbox_bytes, repeat);
@@ -179,7 +183,7 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
         self.op_deadline = None;
         self.hand_out();
         self.al.reached(AlState::Op);
-        self.application.entered(AlState::Op);
+        self.entered(AlState::Op);
         self.write_status().await
     }
 
@@ -191,6 +195,14 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
         self.op_deadline = None;
         self.refuse(AlState::Op, AlStatusCode::SyncManagerWatchdog);
         self.write_status().await
+    }
+
+    /// The state has changed, with which a transfer of a file ends: the file may be open in the state before only.
+    pub(super) fn entered(&mut self, state: AlState) {
+        if let Some(files) = self.application.files() {
+            self.foe.end(files);
+        }
+        self.application.entered(state);
     }
 
     /// Stops what a lower state does not have.
@@ -211,7 +223,7 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
 
     pub(super) fn report(&mut self, cause: Cause, code: AlStatusCode) {
         let sends = self.device.emergencies || self.application.sends_emergencies();
-        if sends && self.al.state().has_mailbox() {
+        if sends && self.al.state().has_objects() {
             self.coe.emergencies.raise(cause, code);
         }
     }

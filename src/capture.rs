@@ -5,12 +5,12 @@
 //! follower that polls too rarely misses frames, which are counted.
 
 use core::cell::{Cell, RefCell};
-use core::sync::atomic::{AtomicU8, Ordering};
 
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_time::Instant;
 use heapless::{Deque, Vec};
+use portable_atomic::{AtomicU8, Ordering};
 
 use crate::modbus::ascii::FRAME_CHARS_MAX;
 use crate::settings::{Framing, PortId, StreamFraming};

@@ -144,7 +144,8 @@ impl<'p> Frame<'p> {
         envelope
     }
 
-    fn read<R>(&self, of: impl Fn(&Envelope) -> R) -> R {
+    /// What `of` reads from the envelope: less work than a copy of all of it.
+    pub(crate) fn read<R>(&self, of: impl Fn(&Envelope) -> R) -> R {
         let there = self.with(|slot| slot.envelope.as_ref().map(&of)).flatten();
         there.unwrap_or_else(|| of(&Envelope::EMPTY))
     }
@@ -179,7 +180,8 @@ impl<'p> Frame<'p> {
         self.amend(|envelope| envelope.stage = stage);
     }
 
-    fn amend(&self, change: impl FnOnce(&mut Envelope)) {
+    /// Changes the envelope.
+    pub(crate) fn amend(&self, change: impl FnOnce(&mut Envelope)) {
         self.with(|slot| slot.envelope.as_mut().map(change));
     }
 
@@ -244,9 +246,9 @@ impl<'p> Frame<'p> {
 
     /// The received CRC of a cut-through frame, if its unit id is not translated.
     pub(crate) fn own_crc(&self) -> Option<u16> {
-        let Envelope { unit, target, .. } = self.envelope();
+        let is_translated = self.read(|envelope| envelope.unit != envelope.target);
         let (crc, there) = self.crc();
-        (there == crc.len() && unit == target).then(|| u16::from_le_bytes(crc))
+        (there == crc.len() && !is_translated).then(|| u16::from_le_bytes(crc))
     }
 
     /// Marks the frame broken if it is still being filled, for a destination that needs a complete frame; returns whether it was.

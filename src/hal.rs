@@ -107,6 +107,10 @@ pub trait SerialLine: Read + Write {
         Ok(())
     }
 
+    /// Keeps the transceiver's driver on in pauses between writes, because a frame follows in pieces, or lets it go off behind what
+    /// was written. For a board whose lines switch the driver by themselves.
+    fn hold_driver(&mut self, _on: bool) {}
+
     /// Lets characters accumulate until `until`, none of which is needed earlier, instead of waking a sleeping program for each of
     /// them. Returns whether that time has passed; false if reading each character is preferable, or the time is too short.
     /// Dropping the pending future loses no character.
@@ -118,9 +122,10 @@ pub trait SerialLine: Read + Write {
     /// character. It starts with what `from` has received and `read` has not returned yet. Returns whether the board does it; in
     /// that case
     ///
-    /// - it continues until the relay is over, or until `from` has been silent for longer than its t1.5 plus [the read
-    ///   jitter](SerialHost::read_jitter),
-    /// - `from` returns what it received only afterwards, all at once; until then [`is_relayed`](Self::is_relayed),
+    /// - it continues until the relay is over, or until `from` has been silent for a character at least, and at most for its t1.5
+    ///   plus [the read jitter](SerialHost::read_jitter),
+    /// - `from` returns what it received only afterwards, or when some characters are left, so that the tasks keep up at the frame's
+    ///   end; until then [`is_relayed`](Self::is_relayed),
     /// - nothing else is written here before [`end_relay`](Self::end_relay).
     fn relay(&mut self, _from: &str, _relay: Relay) -> bool {
         false

@@ -1,8 +1,7 @@
 //! Counters of a port, by event, and the log of the last transactions.
 
-use core::sync::atomic::{AtomicU8, AtomicU32, Ordering};
-
 use embassy_time::Instant;
+use portable_atomic::{AtomicU8, AtomicU32, Ordering};
 
 pub use self::log::{LOG_ENTRIES_MAX, Log, LogEntry, Outcome};
 use crate::frame::Cause;

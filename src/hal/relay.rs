@@ -33,6 +33,11 @@ impl Relay {
         }
     }
 
+    /// Characters still to arrive.
+    pub const fn left(&self) -> u32 {
+        self.left
+    }
+
     /// Whether the whole frame has arrived.
     #[inline]
     pub const fn is_over(&self) -> bool {

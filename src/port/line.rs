@@ -205,10 +205,16 @@ impl<'s, L: SerialLine> Line<'s, L> {
         if self.settings.echo { self.take_echo(frame).await } else { Ok(Ok(())) }
     }
 
-    /// Begins a frame whose characters follow by [`Line::feed`]; bytes received before are dropped.
+    /// Begins a frame whose characters follow by [`Line::feed`], until [`Line::end`]; bytes received before are dropped.
     pub(crate) fn begin(&mut self) {
         self.clear();
         self.run = (Instant::now(), 0);
+        self.io.hold_driver(true);
+    }
+
+    /// Ends the frame.
+    pub(crate) fn end(&mut self) {
+        self.io.hold_driver(false);
     }
 
     /// Sends more `characters` of a frame.

@@ -50,8 +50,11 @@ impl Gateway<'_> {
             Decision::Forward { port, unit: target, priority, sharing, addresses } => {
                 match self.ports().get(port.index()) {
                     Some(port_state) => {
-                        let to_port = Envelope { target, priority, sharing, addresses, ..*envelope };
-                        frame.address(Envelope { destination: Some(port), ..to_port });
+                        frame.amend(|envelope| {
+                            (envelope.destination, envelope.target) = (Some(port), target);
+                            (envelope.priority, envelope.sharing) = (priority, sharing);
+                            envelope.addresses = addresses;
+                        });
                         port_state.queue.send(frame);
                     }
                     None => {

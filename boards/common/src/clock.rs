@@ -1,7 +1,7 @@
 //! embassy-time's clock on a 32-bit microsecond counter, which wraps every 71 minutes. Stalls shorter than that lose no time: a
 //! chip stalls for seconds while it erases the flash that it runs from.
 
-use core::cell::RefCell;
+use core::cell::{Cell, RefCell};
 use core::task::Waker;
 
 use embassy_sync::blocking_mutex::CriticalSectionMutex;
@@ -26,19 +26,30 @@ pub trait Counter {
 /// A clock on the counter `C`, for `time_driver_impl!`.
 pub struct Clock<C> {
     counter: C,
-    state: CriticalSectionMutex<RefCell<State>>,
+    state: CriticalSectionMutex<State>,
 }
 
 struct State {
-    queue: Queue,
-    rounds: Rounds,
+    queue: RefCell<Queue>,
+    rounds: Cell<Rounds>,
+}
+
+impl State {
+    /// The time at counter value `count`. Inlined: every task reads the clock many times.
+    #[inline(always)]
+    fn now(&self, count: u32) -> u64 {
+        let (rounds, now) = self.rounds.get().at(count);
+        self.rounds.set(rounds);
+        now
+    }
 }
 
 impl<C: Counter> Clock<C> {
     /// A stopped clock.
     pub const fn new(counter: C) -> Self {
-        let state = State { queue: Queue::new(), rounds: Rounds { last: 0, rounds: 0 } };
-        Self { counter, state: CriticalSectionMutex::new(RefCell::new(state)) }
+        let state =
+            State { queue: RefCell::new(Queue::new()), rounds: Cell::new(Rounds { last: 0, rounds: 0 }) };
+        Self { counter, state: CriticalSectionMutex::new(state) }
     }
 
     /// Starts the clock; the counter must be running.
@@ -48,44 +59,45 @@ impl<C: Counter> Clock<C> {
 
     /// Wakes all tasks that are due; called by the counter's interrupt.
     pub fn on_alarm(&self) {
-        self.with(|queue, now| Some(queue.next_expiration(now)));
+        self.with(|_| true);
     }
 
-    /// Applies `change`, and sets the alarm to the time it returns.
-    fn with(&self, change: impl FnOnce(&mut Queue, u64) -> Option<u64>) -> u64 {
+    /// Sets the alarm to the time at which the next task is due, if `change` returns that it may be another one.
+    fn with(&self, change: impl FnOnce(&mut Queue) -> bool) {
         self.state.lock(|state| {
-            let State { queue, rounds } = &mut *state.borrow_mut();
-            let now = rounds.now(self.counter.count());
-            if let Some(at) = change(queue, now) {
-                self.counter.set_alarm(at.saturating_sub(now).clamp(1, SLEEP_MAX_TICKS) as u32);
+            let queue = &mut *state.queue.borrow_mut();
+            if change(queue) {
+                let now = state.now(self.counter.count());
+                let next = queue.next_expiration(now);
+                self.counter.set_alarm(next.saturating_sub(now).clamp(1, SLEEP_MAX_TICKS) as u32);
             }
-            now
-        })
+        });
     }
 }
 
 impl<C: Counter + Send + Sync + 'static> Driver for Clock<C> {
     fn now(&self) -> u64 {
-        self.with(|_, _| None)
+        self.state.lock(|state| state.now(self.counter.count()))
     }
 
     fn schedule_wake(&self, at: u64, waker: &Waker) {
-        self.with(|queue, now| queue.schedule_wake(at, waker).then(|| queue.next_expiration(now)));
+        self.with(|queue| queue.schedule_wake(at, waker));
     }
 }
 
 /// Extends the counter by the number of its wraps.
+#[derive(Clone, Copy)]
 struct Rounds {
     last: u32,
     rounds: u32,
 }
 
 impl Rounds {
-    /// The time at counter value `count`; must be called at least once per wrap.
-    fn now(&mut self, count: u32) -> u64 {
-        self.rounds += u32::from(count < self.last);
-        self.last = count;
-        u64::from(self.rounds) << 32 | u64::from(count)
+    /// At counter value `count`, with the time; must be called at least once per wrap.
+    #[inline(always)]
+    fn at(self, count: u32) -> (Self, u64) {
+        let rounds = self.rounds + u32::from(count < self.last);
+        (Self { last: count, rounds }, u64::from(rounds) << 32 | u64::from(count))
     }
 }
 

@@ -1,13 +1,15 @@
 //! Chip-independent parts of the boards' firmware, tested on a host.
 //!
-//! [`clock`] is the embassy-time driver, [`liveness`] decides when the watchdog may be fed, [`last_words`] carry a panic message
-//! over the reset, and [`ethernet_address`] derives an Ethernet address from a chip's unique number.
+//! [`clock`] is the embassy-time driver, [`relay`] hands characters from one line on to another, [`liveness`] decides when the watchdog
+//! may be fed, [`last_words`] carry a panic message over the reset, and [`ethernet_address`] derives an Ethernet address from a chip's
+//! unique number.
 #![no_std]
 #![forbid(unsafe_code)]
 
 pub mod clock;
 pub mod last_words;
 pub mod liveness;
+pub mod relay;
 
 /// A chip's Ethernet address, from its unique number: locally administered, unicast.
 ///

@@ -8,13 +8,8 @@ use core::fmt;
 use core::mem::MaybeUninit;
 use core::sync::atomic::{AtomicU32, Ordering};
 
-use cortex_m::peripheral::SCB;
 use cortex_m_rt::ExceptionFrame;
 use mobgate_board::last_words::{LastWords, WORDS_BYTES_MAX};
-
-/// CFSR.BFARVALID and CFSR.MMARVALID: the address of the failed access is known (ARMv7-M architecture, B3.2.15).
-const BUS_ADDRESS_VALID: u32 = 1 << 15;
-const MEMORY_ADDRESS_VALID: u32 = 1 << 7;
 
 struct Kept(UnsafeCell<MaybeUninit<LastWords>>);
 
@@ -55,17 +50,12 @@ pub struct Fault<'f>(pub &'f ExceptionFrame);
 
 impl fmt::Display for Fault<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        // SAFETY: reading these registers has no effect.
-        let (status, bus, memory) = unsafe {
-            let scb = &*SCB::PTR;
-            (scb.cfsr.read(), scb.bfar.read(), scb.mmfar.read())
-        };
         let Self(frame) = self;
-        write!(f, "fault {status:#010x} at {:#010x}, called from {:#010x}", frame.pc(), frame.lr())?;
-        match status {
-            _ if status & BUS_ADDRESS_VALID != 0 => write!(f, ", by access to {bus:#010x}"),
-            _ if status & MEMORY_ADDRESS_VALID != 0 => write!(f, ", by access to {memory:#010x}"),
-            _ => Ok(()),
-        }
+        let what = status::Status::read();
+        write!(f, "fault{what} at {:#010x}, called from {:#010x}{}", frame.pc(), frame.lr(), what.access())
     }
 }
+
+// ARMv7-M, which has atomic operations, also has registers that tell what a fault was; ARMv6-M has neither.
+#[cfg_attr(not(target_has_atomic = "32"), path = "no_status.rs")]
+mod status;

@@ -17,7 +17,6 @@ mod measure;
 mod names;
 mod network;
 mod register;
-mod relay;
 mod ring;
 mod semihosting;
 mod transmitter;

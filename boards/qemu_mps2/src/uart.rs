@@ -15,12 +15,12 @@ use embassy_time::{Duration, TICK_HZ};
 use embedded_io_async::{ErrorType, Read, Write};
 use mobgate::hal::Relay;
 use mobgate::hal::{Flaws, SerialLine};
+use mobgate_board::relay::{Relaying, Step};
 
 use crate::interrupts::{self, Interrupt};
 use crate::measure::{self, Wait};
 use crate::names;
 use crate::register::Register;
-use crate::relay::{self, Step};
 use crate::ring::{RING_BYTES, Ring};
 use crate::transmitter::{self, Transmitter};
 
@@ -50,6 +50,9 @@ const TRANSMIT: u32 = 1;
 const RECEIVE: u32 = 1 << 1;
 const TRANSMIT_INTERRUPT: u32 = 1 << 2;
 const RECEIVE_INTERRUPT: u32 = 1 << 3;
+
+/// One at a time, because there is only one idle timer.
+static RELAYING: Relaying = Relaying::new();
 
 static UARTS: [Uart; COUNT] = [
     Uart::at(0x4000_4000),
@@ -92,7 +95,7 @@ pub(crate) fn start() {
 pub(crate) extern "C" fn on_idle() {
     IDLE_CONTROL.write(0);
     IDLE_CLEAR.write(1);
-    relay::break_off();
+    RELAYING.break_off();
     share_timer();
     wake_readers();
 }
@@ -126,7 +129,7 @@ pub(crate) extern "C" fn on_receive<const N: usize>() {
         let uart = &UARTS[N];
         uart.interrupts.write(RECEIVE);
         let Some(byte) = uart.take_received() else { return };
-        match measure::in_relay(|| relay::step(in_interrupt(), N, byte)) {
+        match measure::in_relay(|| RELAYING.step(in_interrupt(), N, byte)) {
             Step::Sent(to, byte) => UARTS[to].relay(byte),
             Step::Over => {
                 share_timer();
@@ -304,7 +307,7 @@ impl SerialLine for Line {
     fn relay(&mut self, from: &str, mut relay: Relay) -> bool {
         let Some(from) = names::number(from) else { return false };
         critical_section::with(|section| {
-            if !relay::is_free() {
+            if !RELAYING.is_free() {
                 return false;
             }
             // Characters received but not read go first.
@@ -313,7 +316,7 @@ impl SerialLine for Line {
                 let byte = unsafe { UARTS[from].received.peek(nth) };
                 byte.and_then(|byte| relay.step(byte)).into_iter().for_each(|byte| self.uart().relay(byte));
             }
-            relay::begin(section, relay, from, self.0);
+            RELAYING.begin(section, relay, from, self.0);
             own_timer(from);
             true
         })
@@ -321,15 +324,15 @@ impl SerialLine for Line {
 
     fn end_relay(&mut self) -> Option<Relay> {
         share_timer();
-        relay::end(self.0)
+        RELAYING.end(self.0)
     }
 
     fn is_relayed(&self) -> bool {
-        relay::is_running(self.0) || relay::is_begun(self.0) && !self.uart().received.is_empty()
+        RELAYING.is_running(self.0) || RELAYING.is_begun(self.0) && !self.uart().received.is_empty()
     }
 
     fn silence(&self) -> Duration {
-        let cycles = if relay::is_silent(self.0) { self.uart().pause.load(Ordering::Relaxed) } else { 0 };
+        let cycles = if RELAYING.is_silent(self.0) { self.uart().pause.load(Ordering::Relaxed) } else { 0 };
         Duration::from_ticks(u64::from(cycles) * TICK_HZ / u64::from(CLOCK_HZ))
     }
 
@@ -353,7 +356,7 @@ impl Read for Line {
         self.uart().wait.begin();
         let read = poll_fn(|context| {
             self.uart().arrived.register(context.waker());
-            if relay::is_running(self.0) {
+            if RELAYING.is_running(self.0) {
                 return Poll::Pending;
             }
             match self.uart().take(into) {

@@ -14,8 +14,15 @@ use static_cell::ConstStaticCell;
 use crate::interrupts::Interrupts;
 use crate::registers;
 
-/// Received packets that the DMA holds until they are read.
-const PACKETS: usize = 4;
+/// Received packets that the DMA holds until they are read: a request of each client, all in one instant. A faster chip reads
+/// most of them meanwhile.
+const PACKETS: usize = if cfg!(feature = "f4") {
+    8
+} else if cfg!(feature = "f7") {
+    6
+} else {
+    4
+};
 /// Outgoing packets leave within microseconds.
 const PACKETS_OUT: usize = 2;
 
@@ -115,11 +122,16 @@ impl Driver for LateEthernet {
     type TxToken<'a> = eth::TxToken<'a, 'static>;
 
     fn receive(&mut self, context: &mut Context<'_>) -> Option<(Self::RxToken<'_>, Self::TxToken<'_>)> {
+        // As in the driver: nothing is received without room for the answer.
+        self.transmit(context)?;
         self.driver.as_mut()?.receive(context)
     }
 
     fn transmit(&mut self, context: &mut Context<'_>) -> Option<Self::TxToken<'_>> {
-        self.driver.as_mut()?.transmit(context)
+        let packet = self.driver.as_mut()?.transmit(context);
+        // A sent packet wakes the stack only if it waits for one.
+        registers::interrupt_when_sent(packet.is_none());
+        packet
     }
 
     fn link_state(&mut self, context: &mut Context<'_>) -> LinkState {

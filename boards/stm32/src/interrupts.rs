@@ -3,7 +3,7 @@
 use embassy_stm32::interrupt::typelevel;
 use embassy_stm32::{bind_interrupts, dma, eth, exti, peripherals as p};
 
-use crate::line::LineInterrupt;
+use crate::shift::LineInterrupt;
 
 bind_interrupts!(pub(crate) struct Interrupts {
     USART2 => LineInterrupt<0>;

@@ -1,7 +1,7 @@
 //! Code shared by the STM32 boards. A board's `main.rs` sets up the clocks of its chip, and [`nucleo144::run`] does the rest.
 //!
 //! * [`nucleo144`]: pins and DMA channels of these boards; `interrupts`: their interrupts.
-//! * `line`: an RS-485 line on a UART; `lines`: the table of lines, which ports open by name.
+//! * `line`: an RS-485 line on a UART; `shift`: its interrupt; `lines`: the table of lines, which ports open by name.
 //! * `flash`: the chip's flash for the settings; `start`: loading them at start-up, and the factory reset.
 //! * `ethernet`: the MAC and its PHY; `network`: the stack on it and its sockets.
 //! * `gateway`: the gateway's statics and tasks; `console`: the console's task; `ethercat`: the controller on SPI1.
@@ -28,6 +28,7 @@ mod lines;
 mod network;
 pub mod nucleo144;
 mod registers;
+mod shift;
 mod sockets;
 mod start;
 // Images without it are smaller, see Cargo.toml.

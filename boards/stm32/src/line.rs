@@ -1,15 +1,14 @@
 //! An RS-485 line on a UART: DMA receives into a ring buffer and transmits from the caller's buffer.
 //!
-//! Receiving: every character raises an interrupt that wakes the port's task, and DMA has stored it by then. Neither of
-//! embassy-stm32's receive paths is used. Its `BufferedUart` takes characters by interrupt, which loses them while the chip stalls
-//! for a flash erase, and on the F4 it clears flags in a way that can lose one. Its ring buffer stops at a framing error and
-//! discards unread data, and framing errors are common where a driver releases the bus. Here a damaged character stays in the
+//! Receiving: every character raises an interrupt that wakes the port's task unless it rests, and DMA stores it.
+//! Neither of embassy-stm32's receive paths is used. Its `BufferedUart` takes characters by interrupt, which loses them while the
+//! chip stalls for a flash erase, and on the F4 it clears flags in a way that can lose one. Its ring buffer stops at a framing error
+//! and discards unread data, and framing errors are common where a driver releases the bus. Here a damaged character stays in the
 //! buffer and is counted, and the frame's CRC reveals it.
 //!
 //! Transmitting: on the F7 and H7 the UART switches the transceiver's driver. On the F4 a pin does: on before the first character,
 //! off in the interrupt after the last stop bit (TC, not TXE).
 
-use core::cell::{Cell, RefCell};
 use core::future::poll_fn;
 use core::task::Poll;
 
@@ -17,93 +16,21 @@ use embassy_embedded_hal::SetConfig;
 use embassy_stm32::Peri;
 use embassy_stm32::dma::{Channel, InterruptHandler, ReadableRingBuffer, Request};
 use embassy_stm32::gpio::{Output, Pull};
-use embassy_stm32::interrupt::typelevel::{Binding, Handler, Interrupt};
+use embassy_stm32::interrupt::typelevel::Binding;
 use embassy_stm32::mode::Blocking;
+use embassy_stm32::pac::dma::St;
 use embassy_stm32::pac::usart::Usart;
 use embassy_stm32::usart::{Config, ConfigError, DataBits, Instance, Parity, RxDma, StopBits, TxDma, Uart};
-use embassy_sync::blocking_mutex::Mutex;
-use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
-use embassy_sync::waitqueue::AtomicWaker;
+use embassy_time::{Duration, Instant, Timer};
 use embedded_io_async::{ErrorKind, ErrorType, Read, Write};
-use mobgate::hal::{Flaws, OpenError, OpenErrorKind, SerialLine};
+use mobgate::hal::{Flaws, OpenError, OpenErrorKind, Relay, SerialLine};
 use mobgate::settings::{Driver, LineSettings, Parity as WireParity};
 
 use crate::registers;
+use crate::shift::{Hardware, NO_FLAWS, SHIFTS, Shift};
 
-/// Lines of a board, including its console.
-pub(crate) const LINES_MAX: usize = 5;
-/// Receive buffer: about 45 ms at 115200 baud, and twice that on the F7, which stalls while it saves settings.
-pub(crate) const RING_BYTES: usize = if cfg!(feature = "f7") { 1024 } else { 512 };
 /// Longest driver enable or disable time of the hardware, in sixteenths of a bit.
 const DRIVER_SIXTEENTHS_MAX: u64 = 31;
-
-const NO_FLAWS: Flaws = Flaws { parity: 0, framing: 0, overruns: 0 };
-
-type Shared<T> = Mutex<CriticalSectionRawMutex, T>;
-
-/// State shared by a line and its interrupt.
-struct Shift {
-    uart: Shared<Cell<Option<Usart>>>,
-    waker: AtomicWaker,
-    /// The pin that switches the transceiver's driver, if the UART cannot.
-    driver: Shared<RefCell<Option<Output<'static>>>>,
-    /// Flaws of received characters.
-    flaws: Shared<Cell<Flaws>>,
-}
-
-static SHIFTS: [Shift; LINES_MAX] = [const {
-    Shift {
-        uart: Mutex::new(Cell::new(None)),
-        waker: AtomicWaker::new(),
-        driver: Mutex::new(RefCell::new(None)),
-        flaws: Mutex::new(Cell::new(NO_FLAWS)),
-    }
-}; LINES_MAX];
-
-/// The interrupt handler of line `N`'s UART.
-pub(crate) struct LineInterrupt<const N: usize>;
-
-impl<const N: usize, I: Interrupt> Handler<I> for LineInterrupt<N> {
-    unsafe fn on_interrupt() {
-        SHIFTS[N].on_interrupt();
-    }
-}
-
-impl Shift {
-    fn on_interrupt(&self) {
-        let Some(uart) = self.uart.lock(Cell::get) else { return };
-        if uart.cr1().read().tcie() && registers::transmitted(uart) {
-            uart.cr1().modify(|control| control.set_tcie(false));
-            self.drive(false);
-        } else {
-            self.count(registers::take_flaws(uart));
-        }
-        self.waker.wake();
-    }
-
-    fn count(&self, new: Flaws) {
-        self.flaws.lock(|cell| {
-            let Flaws { parity, framing, overruns } = cell.get();
-            cell.set(Flaws {
-                parity: parity.saturating_add(new.parity),
-                framing: framing.saturating_add(new.framing),
-                overruns: overruns.saturating_add(new.overruns),
-            });
-        });
-    }
-
-    fn drive(&self, on: bool) {
-        self.driver.lock(|driver| {
-            if let Some(pin) = driver.borrow_mut().as_mut() {
-                pin.set_level(on.into());
-            }
-        });
-    }
-
-    fn has_pin(&self) -> bool {
-        self.driver.lock(|driver| driver.borrow().is_some())
-    }
-}
 
 /// Switches the driver off once pending characters have left, even if the write is cancelled.
 struct Release(Usart);
@@ -115,28 +42,48 @@ impl Drop for Release {
     }
 }
 
+/// Lets characters accumulate without waking the port, until it is dropped.
+struct Rest(&'static Shift);
+
+impl Rest {
+    fn new(shift: &'static Shift) -> Self {
+        shift.rest(true);
+        Self(shift)
+    }
+}
+
+impl Drop for Rest {
+    fn drop(&mut self) {
+        self.0.rest(false);
+    }
+}
+
 /// A line.
 pub(crate) struct Line {
+    number: u8,
     setup: Uart<'static, Blocking>,
-    uart: Usart,
+    hardware: Hardware,
     shift: &'static Shift,
     ring: ReadableRingBuffer<'static, u8>,
     transmit: Channel<'static>,
     request: Request,
     /// Mask of the data bits: with parity the UART stores the parity bit above seven data bits.
     mask: u8,
+    /// The driver stays on after what is written.
+    is_held: bool,
 }
 
 /// A line's DMA channels and requests.
 pub(crate) struct Dma {
-    receive: (Channel<'static>, Request),
+    receive: (Channel<'static>, Request, St),
     transmit: (Channel<'static>, Request),
 }
 
 impl Dma {
-    /// The channels of UART `T`. `interrupts` comes from `bind_interrupts!`.
+    /// The channels of UART `T`, with the stream that `receive` is. `interrupts` comes from `bind_interrupts!`.
     pub(crate) fn new<T: Instance, R: RxDma<T>, W: TxDma<T>>(
         receive: Peri<'static, R>,
+        stream: St,
         transmit: Peri<'static, W>,
         interrupts: impl Binding<R::Interrupt, InterruptHandler<R>>
         + Binding<W::Interrupt, InterruptHandler<W>>
@@ -145,32 +92,35 @@ impl Dma {
     ) -> Self {
         let (receives, transmits) = (receive.request(), transmit.request());
         Self {
-            receive: (Channel::new(receive, interrupts), receives),
+            receive: (Channel::new(receive, interrupts), receives, stream),
             transmit: (Channel::new(transmit, interrupts), transmits),
         }
     }
 }
 
 impl Line {
-    /// Line `number`, whose interrupt must be bound to the [`LineInterrupt`] of that number. `setup` uses [`first_config`], which
-    /// every UART supports. `driver` is the pin that switches the transceiver, unless `setup` has one.
+    /// Line `number`, whose interrupt must be bound to the [`LineInterrupt`](crate::shift::LineInterrupt) of that number. `setup` uses
+    /// [`first_config`], which every UART supports. `driver` is the pin that switches the transceiver, unless `setup` has one.
     pub(crate) fn new(
         number: usize,
         setup: Result<Uart<'static, Blocking>, ConfigError>,
         uart: Usart,
         dma: Dma,
         driver: Option<Output<'static>>,
-        ring: &'static mut [u8; RING_BYTES],
     ) -> Self {
         let shift = &SHIFTS[number];
-        shift.uart.lock(|cell| cell.set(Some(uart)));
-        shift.driver.lock(|cell| cell.replace(driver));
-        let ((channel, request), from) = (dma.receive, registers::receive_address(uart));
-        // SAFETY: channel and buffer belong to this line alone; the UART's register is always valid.
-        let mut ring = unsafe { ReadableRingBuffer::new(channel, request, from, ring, Default::default()) };
+        let ((channel, request, stream), from) = (dma.receive, registers::receive_address(uart));
+        // SAFETY: the channel belongs to this line alone, the UART's register is always valid, and nobody but DMA writes the ring, all of
+        // which may change while it is read.
+        let mut ring = unsafe {
+            ReadableRingBuffer::new(channel, request, from, &mut *shift.ring(), Default::default())
+        };
         ring.start();
+        let hardware = Hardware { uart, stream };
+        shift.set_up(hardware, driver);
         let (transmit, request) = dma.transmit;
-        Self { setup: setup.unwrap(), uart, shift, ring, transmit, request, mask: u8::MAX }
+        let (setup, mask) = (setup.unwrap(), u8::MAX);
+        Self { number: number as u8, setup, hardware, shift, ring, transmit, request, mask, is_held: false }
     }
 
     /// Sets speed, character format and driver times, and discards earlier input.
@@ -188,10 +138,30 @@ impl Line {
         let after = if after == 0 { DRIVER_SIXTEENTHS_MAX } else { after };
         self.mask = if line.data_bits == 7 { 0x7f } else { u8::MAX };
         self.setup.set_config(&config(line)).map_err(|_| unsupported("speed or character format"))?;
-        registers::complete_setup(self.uart, before as u8, after as u8);
-        self.ring.clear();
+        registers::complete_setup(self.hardware.uart, before as u8, after as u8);
+        self.shift.configure(line.chars(1));
+        self.clear();
         self.take_flaws();
         Ok(())
+    }
+
+    /// Discards what was received.
+    fn clear(&mut self) {
+        critical_section::with(|_| {
+            loop {
+                let place = self.hardware.position();
+                self.ring.clear();
+                // Nothing came in between: that is where the ring begins.
+                if self.hardware.position() == place {
+                    return self.shift.begin_at(place);
+                }
+            }
+        });
+    }
+
+    /// Passes on what the line `from` receives: see [`SerialLine::relay`].
+    pub(crate) fn relay(&mut self, from: usize, relay: Relay) -> bool {
+        self.shift.relay(self.number.into(), from, relay)
     }
 }
 
@@ -222,8 +192,43 @@ fn config(line: &LineSettings) -> Config {
 }
 
 impl SerialLine for Line {
+    const RESTS: bool = true;
+
+    /// Each character still interrupts, for its flaws.
+    async fn rest(&mut self, until: Instant) -> bool {
+        let rests = until > Instant::now();
+        if rests {
+            let _rest = Rest::new(self.shift);
+            Timer::at(until).await;
+        }
+        rests
+    }
+
     fn take_flaws(&mut self) -> Flaws {
         self.shift.flaws.lock(|cell| cell.replace(NO_FLAWS))
+    }
+
+    fn hold_driver(&mut self, on: bool) {
+        if self.shift.has_pin() {
+            self.is_held = on;
+            // Off, if nothing is being sent.
+            drop((!on).then(|| Release(self.hardware.uart)));
+        }
+    }
+
+    fn end_relay(&mut self) -> Option<Relay> {
+        self.shift.end_relay(self.number.into())
+    }
+
+    fn is_relayed(&self) -> bool {
+        let relaying = &self.shift.relaying;
+        relaying.is_running(self.number.into())
+            || relaying.is_begun(self.number.into()) && self.shift.has_unread()
+    }
+
+    fn silence(&self) -> Duration {
+        let is_silent = self.shift.relaying.is_silent(self.number.into());
+        if is_silent { self.shift.character() } else { Duration::from_ticks(0) }
     }
 }
 
@@ -235,15 +240,22 @@ impl Read for Line {
     async fn read(&mut self, into: &mut [u8]) -> Result<usize, ErrorKind> {
         let count = poll_fn(|context| {
             self.shift.waker.register(context.waker());
+            if critical_section::with(|section| self.shift.relaying.is_withheld(section, self.number.into()))
+            {
+                return Poll::Pending;
+            }
             loop {
                 match self.ring.read(into) {
                     Ok((0, _)) => return Poll::Pending,
-                    Ok((count, _)) => return Poll::Ready(count),
+                    Ok((count, _)) => {
+                        self.shift.note_read(count);
+                        return Poll::Ready(count);
+                    }
                     // Overrun of the ring: its contents have no beginning and no end.
                     Err(_) => {
                         defmt::warn!("a line's characters were not read in time");
                         self.shift.count(Flaws { overruns: 1, ..NO_FLAWS });
-                        self.ring.clear();
+                        self.clear();
                     }
                 }
             }
@@ -259,16 +271,25 @@ impl Write for Line {
         if from.is_empty() {
             return Ok(0);
         }
+        // What a relay has left comes first.
+        poll_fn(|context| {
+            self.shift.waker.register(context.waker());
+            if self.shift.has_outgoing() { Poll::Pending } else { Poll::Ready(()) }
+        })
+        .await;
         let release = self.shift.has_pin().then(|| {
-            critical_section::with(|_| self.uart.cr1().modify(|control| control.set_tcie(false)));
-            registers::forget_transmitted(self.uart);
+            critical_section::with(|_| self.hardware.uart.cr1().modify(|control| control.set_tcie(false)));
+            registers::forget_transmitted(self.hardware.uart);
             self.shift.drive(true);
-            Release(self.uart)
+            Release(self.hardware.uart)
         });
-        let to = registers::transmit_address(self.uart);
+        let to = registers::transmit_address(self.hardware.uart);
         // SAFETY: the channel belongs to this line; dropping the transfer stops it, so it does not outlive `from`.
         unsafe { self.transmit.write(self.request, from, to, Default::default()) }.await;
-        drop(release);
+        match self.is_held {
+            true => core::mem::forget(release),
+            false => drop(release),
+        }
         Ok(from.len())
     }
 

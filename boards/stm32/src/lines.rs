@@ -2,8 +2,9 @@
 
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::mutex::{Mutex, MutexGuard};
+use embassy_time::{Duration, Instant};
 use embedded_io_async::{ErrorKind, ErrorType, Read, Write};
-use mobgate::hal::{Flaws, OpenError, OpenErrorKind, SerialHost, SerialLine};
+use mobgate::hal::{Flaws, OpenError, OpenErrorKind, Relay, SerialHost, SerialLine};
 use mobgate::settings::LineSettings;
 
 use crate::line::Line;
@@ -26,8 +27,7 @@ impl SerialHost for Lines {
 
     async fn open(&mut self, device: &str, settings: &LineSettings) -> Result<OpenLine, OpenError> {
         let hint = "this board's lines are uart1 to uart4";
-        let number = device.strip_prefix("uart").and_then(|number| number.parse::<usize>().ok());
-        let line = number.and_then(|number| self.0.get(number.checked_sub(1)?));
+        let line = number(device).and_then(|number| self.0.get(number));
         let line = line.ok_or(OpenError::new(OpenErrorKind::NotFound, hint))?;
         let mut open = line
             .try_lock()
@@ -36,16 +36,57 @@ impl SerialHost for Lines {
         Ok(OpenLine(open))
     }
 
-    /// DMA feeds the transmitter, and a character takes far longer than any task's poll. But an F7 stalls while its flash is
-    /// erased, which would tear a frame that is being forwarded.
+    /// DMA and interrupts feed the transmitter, and a character takes far longer than any task's poll. Only an F7 that saves its
+    /// settings stalls: it breaks off the frame that is being passed on, as it cannot respond in time anyway.
     fn never_underruns(&self) -> bool {
-        !cfg!(feature = "f7")
+        true
+    }
+}
+
+/// The number of line `device`.
+fn number(device: &str) -> Option<usize> {
+    match device.as_bytes() {
+        [b'u', b'a', b'r', b't', digit @ b'1'..=b'9'] => Some(usize::from(digit - b'1')),
+        _ => None,
+    }
+}
+
+impl Drop for OpenLine {
+    fn drop(&mut self) {
+        self.end_relay();
+        self.hold_driver(false);
     }
 }
 
 impl SerialLine for OpenLine {
+    const RESTS: bool = Line::RESTS;
+
+    async fn rest(&mut self, until: Instant) -> bool {
+        self.0.rest(until).await
+    }
+
     fn take_flaws(&mut self) -> Flaws {
         self.0.take_flaws()
+    }
+
+    fn hold_driver(&mut self, on: bool) {
+        self.0.hold_driver(on);
+    }
+
+    fn relay(&mut self, from: &str, relay: Relay) -> bool {
+        number(from).is_some_and(|from| self.0.relay(from, relay))
+    }
+
+    fn end_relay(&mut self) -> Option<Relay> {
+        self.0.end_relay()
+    }
+
+    fn is_relayed(&self) -> bool {
+        self.0.is_relayed()
+    }
+
+    fn silence(&self) -> Duration {
+        self.0.silence()
     }
 }
 

@@ -6,43 +6,41 @@ use embassy_stm32::gpio::{Input, Pull};
 use embassy_stm32::usart::Uart;
 use embassy_stm32::wdg::IndependentWatchdog;
 use embassy_stm32::{Peripherals, pac, peripherals as p};
-use static_cell::{ConstStaticCell, StaticCell};
+use static_cell::StaticCell;
 
 use crate::ethernet::{LateEthernet, Parts};
 use crate::flash::SettingsFlash;
 use crate::interrupts::Interrupts;
 use crate::lights::Lights;
-use crate::line::{Dma, LINES_MAX, Line, RING_BYTES, first_config};
+use crate::line::{Dma, Line, first_config};
 use crate::lines::{LINES, Lines, SharedLine};
 use crate::system::Board;
 use crate::{clock, console, gateway, network, registers, watchdog};
 
-static RINGS: ConstStaticCell<[[u8; RING_BYTES]; LINES_MAX]> =
-    ConstStaticCell::new([[0; RING_BYTES]; LINES_MAX]);
 static SHARED: StaticCell<[SharedLine; LINES]> = StaticCell::new();
 
-/// Line `$number` of the peripherals `$p`: its UART, its receive and transmit pins, the DMA channels for both, and the pin that
-/// switches the transceiver's driver.
+/// Line `$number` of the peripherals `$p`: its UART, its receive and transmit pins, the DMA channels for both, of the receiver's also
+/// controller and stream, and the pin that switches the transceiver's driver.
 macro_rules! line {
-    ($p:ident, $ring:expr, $number:literal, $uart:ident, $receive:ident, $transmit:ident, $from:ident, $to:ident) => {
-        line!(@ $p, $ring, $number, $uart, $from, $to, None,
+    ($p:ident, $number:literal, $uart:ident, $receive:ident, $transmit:ident, $from:ident $dma:ident $stream:literal, $to:ident) => {
+        line!(@ $p, $number, $uart, $from $dma $stream, $to, None,
             Uart::new_blocking($p.$uart, $p.$receive, $p.$transmit, first_config()))
     };
-    ($p:ident, $ring:expr, $number:literal, $uart:ident, $receive:ident, $transmit:ident, $from:ident, $to:ident, $driver:ident) => {{
+    ($p:ident, $number:literal, $uart:ident, $receive:ident, $transmit:ident, $from:ident $dma:ident $stream:literal, $to:ident, $driver:ident) => {{
         // The F4's UARTs cannot switch a driver.
         #[cfg(feature = "f4")]
         let line = {
             use embassy_stm32::gpio::{Level, Output, Speed};
-            line!(@ $p, $ring, $number, $uart, $from, $to, Some(Output::new($p.$driver, Level::Low, Speed::High)),
+            line!(@ $p, $number, $uart, $from $dma $stream, $to, Some(Output::new($p.$driver, Level::Low, Speed::High)),
                 Uart::new_blocking($p.$uart, $p.$receive, $p.$transmit, first_config()))
         };
         #[cfg(not(feature = "f4"))] // As above.
-        let line = line!(@ $p, $ring, $number, $uart, $from, $to, None,
+        let line = line!(@ $p, $number, $uart, $from $dma $stream, $to, None,
             Uart::new_blocking_with_de($p.$uart, $p.$receive, $p.$transmit, $p.$driver, first_config()));
         line
     }};
-    (@ $p:ident, $ring:expr, $number:literal, $uart:ident, $from:ident, $to:ident, $driver:expr, $setup:expr) => {
-        Line::new($number, $setup, pac::$uart, Dma::new::<p::$uart, _, _>($p.$from, $p.$to, Interrupts), $driver, $ring)
+    (@ $p:ident, $number:literal, $uart:ident, $from:ident $dma:ident $stream:literal, $to:ident, $driver:expr, $setup:expr) => {
+        Line::new($number, $setup, pac::$uart, Dma::new::<p::$uart, _, _>($p.$from, pac::$dma.st($stream), $p.$to, Interrupts), $driver)
     };
 }
 
@@ -69,15 +67,14 @@ pub async fn run(spawner: Spawner, name: &'static str, p: Peripherals) -> ! {
     let mut lights = Lights::new(p.PB0.into(), p.PB7.into(), p.PB14.into());
     let forget = lights.button_is_held(&Input::new(p.PC13, Pull::Down)).await;
 
-    let [ring1, ring2, ring3, ring4, ring5] = RINGS.take();
     let lines = [
-        line!(p, ring1, 0, USART2, PD6, PD5, DMA1_CH5, DMA1_CH6, PD4),
-        line!(p, ring2, 1, USART6, PC7, PC6, DMA2_CH1, DMA2_CH6, PG12),
-        line!(p, ring3, 2, UART4, PC11, PC10, DMA1_CH2, DMA1_CH4, PA15),
-        line!(p, ring4, 3, UART5, PD2, PC12, DMA1_CH0, DMA1_CH7, PC8),
+        line!(p, 0, USART2, PD6, PD5, DMA1_CH5 DMA1 5, DMA1_CH6, PD4),
+        line!(p, 1, USART6, PC7, PC6, DMA2_CH1 DMA2 1, DMA2_CH6, PG12),
+        line!(p, 2, UART4, PC11, PC10, DMA1_CH2 DMA1 2, DMA1_CH4, PA15),
+        line!(p, 3, UART5, PD2, PC12, DMA1_CH0 DMA1 0, DMA1_CH7, PC8),
     ];
     let lines = Lines(SHARED.init(lines.map(SharedLine::new)));
-    let terminal = line!(p, ring5, 4, USART3, PD9, PD8, DMA1_CH1, DMA1_CH3);
+    let terminal = line!(p, 4, USART3, PD9, PD8, DMA1_CH1 DMA1 1, DMA1_CH3);
 
     let ethernet = Parts {
         eth: p.ETH,

@@ -21,13 +21,31 @@ pub(crate) fn transmit_address(uart: Usart) -> *mut u8 {
     return uart.tdr().as_ptr().cast();
 }
 
-/// Whether the last character has left, including its stop bits.
-pub(crate) fn transmitted(uart: Usart) -> bool {
-    // The status register has another name.
+// The status register has another name.
+#[cfg(not(feature = "f4"))]
+pub(crate) use embassy_stm32::pac::usart::regs::Isr as State;
+#[cfg(feature = "f4")]
+pub(crate) use embassy_stm32::pac::usart::regs::Sr as State;
+
+/// Reads the flags.
+pub(crate) fn state(uart: Usart) -> State {
+    // As above.
     #[cfg(feature = "f4")]
-    return uart.sr().read().tc();
+    return uart.sr().read();
     #[cfg(not(feature = "f4"))]
-    return uart.isr().read().tc();
+    return uart.isr().read();
+}
+
+/// The last character received, which DMA has taken already: reading it again changes nothing.
+pub(crate) fn received(uart: Usart) -> u8 {
+    // SAFETY: the register is always valid.
+    unsafe { receive_address(uart).read_volatile() }
+}
+
+/// Sends a character; the transmitter must have room (TXE).
+pub(crate) fn send(uart: Usart, byte: u8) {
+    // SAFETY: as above.
+    unsafe { transmit_address(uart).write_volatile(byte) }
 }
 
 /// Clears the transmission-complete flag without touching flags that may be set meanwhile.
@@ -43,29 +61,22 @@ pub(crate) fn forget_transmitted(uart: Usart) {
     uart.icr().write(|flags| flags.set_tc(true));
 }
 
-/// Reads and clears the flaws of the character just received.
-pub(crate) fn take_flaws(uart: Usart) -> Flaws {
+/// Clears the flags in `status` of the character just received and of the silence before it, and returns its flaws.
+pub(crate) fn take_flaws(uart: Usart, status: State) -> Flaws {
     // The F4 clears its flags when the status and then the character are read. DMA reads the character, so its flags may be cleared
     // with the next one's, and of two bad characters in a row one may be counted. An overrun would interrupt for ever; its
     // character is lost already, so it is read here.
     #[cfg(feature = "f4")]
-    let status = {
-        let status = uart.sr().read();
-        if status.ore() {
-            let _ = uart.dr().read();
-        }
-        status
-    };
+    if status.ore() {
+        let _ = uart.dr().read();
+    }
     // Newer USARTs do not detect overruns here, and have a register for clearing flags.
     #[cfg(not(feature = "f4"))]
-    let status = {
-        let status = uart.isr().read();
-        uart.icr().write(|flags| {
-            flags.set_pe(status.pe());
-            flags.set_fe(status.fe());
-        });
-        status
-    };
+    uart.icr().write(|flags| {
+        flags.set_pe(status.pe());
+        flags.set_fe(status.fe());
+        flags.set_idle(status.idle());
+    });
     Flaws { parity: status.pe().into(), framing: status.fe().into(), overruns: status.ore().into() }
 }
 
@@ -182,4 +193,14 @@ pub(crate) fn set_ethernet_speed(is_100: bool, is_full: bool) {
         control.set_fes(if is_100 { Fes::FES100 } else { Fes::FES10 });
         control.set_dm(if is_full { Dm::FULL_DUPLEX } else { Dm::HALF_DUPLEX });
     });
+}
+
+/// Whether the end of a packet that is sent interrupts. One that has ended before does so at once, unless an interrupt has come since.
+pub(crate) fn interrupt_when_sent(on: bool) {
+    let dma = embassy_stm32::pac::ETH.ethernet_dma();
+    // The H7's MAC is of a newer generation.
+    #[cfg(feature = "h7")]
+    dma.dmacier().modify(|enabled| enabled.set_tie(on));
+    #[cfg(not(feature = "h7"))] // As above.
+    dma.dmaier().modify(|enabled| enabled.set_tie(on));
 }

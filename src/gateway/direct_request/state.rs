@@ -1,11 +1,11 @@
 //! The shared state of a console's direct request: its outcome, and the settings on trial.
 
 use core::cell::Cell;
-use core::sync::atomic::{AtomicBool, AtomicU16, Ordering};
 
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_time::Duration;
+use portable_atomic::{AtomicBool, AtomicU16, Ordering};
 
 use crate::frame::Channel;
 use crate::settings::{LineSettings, PortId, PortKind, SerialClientSettings};

@@ -29,10 +29,10 @@ pub type Set = u64;
 enum Path {
     /// Yes: it is connected, or will be when there is a request.
     Open,
-    /// Only from requesters with their own back-off; such a request triggers the next attempt.
+    /// Only from requesters with their own back-off; such a request triggers the next attempt, or waits for the one under way.
     Paused,
-    /// No: an attempt is under way.
-    Tried,
+    /// No.
+    Closed,
 }
 
 /// One server.
@@ -142,7 +142,7 @@ impl Servers {
         self.of(unit).and_then(|server| self.get(server)).is_some_and(|server| match server.path {
             Path::Open => true,
             Path::Paused => sparing,
-            Path::Tried => false,
+            Path::Closed => false,
         })
     }
 
@@ -187,9 +187,6 @@ impl Servers {
         let Some(number) = chosen else { return Choice::Wait(self.retries(now).1) };
         if let Some(server) = self.0.get_mut(number) {
             server.connection = Some(connection);
-            if server.path == Path::Paused {
-                server.path = Path::Tried;
-            }
         }
         Choice::Connect(number)
     }
@@ -232,7 +229,7 @@ impl Servers {
 
     /// Refuses requests for all servers.
     pub fn close(&mut self) {
-        self.0.iter_mut().for_each(|server| server.path = Path::Tried);
+        self.0.iter_mut().for_each(|server| server.path = Path::Closed);
     }
 
     /// Accepts requests for all servers.

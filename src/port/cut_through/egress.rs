@@ -61,7 +61,7 @@ pub(crate) async fn forward<L: SerialLine>(
     line.begin();
     let mut sent = Sent::new(form);
     let mut source = form.source;
-    loop {
+    let is_whole = loop {
         let (filled, fill) = frame.filled();
         let characters = sent.next(frame, fill);
         if !characters.is_empty() {
@@ -69,8 +69,8 @@ pub(crate) async fn forward<L: SerialLine>(
             continue;
         }
         match fill {
-            Fill::Complete => return Ok(Forwarded::Whole),
-            Fill::Broken => break,
+            Fill::Complete => break true,
+            Fill::Broken => break false,
             Fill::Filling => {
                 // Everything in the frame has been sent, so the relay starts with the next character to arrive.
                 if let Some(relay) = sent.relay(frame)
@@ -83,10 +83,14 @@ pub(crate) async fn forward<L: SerialLine>(
                 let patience = line.active + line.settings.t1_5();
                 let until = if form.may_wait { Instant::MAX } else { patience };
                 if with_deadline(until, frame.more_than(filled)).await.is_err() && frame.abandon() {
-                    break;
+                    break false;
                 }
             }
         }
+    };
+    line.end();
+    if is_whole {
+        return Ok(Forwarded::Whole);
     }
     line.stats.count(Event::Aborted);
     Ok(if sent.is_frame(frame) { Forwarded::Short } else { Forwarded::Broken })

@@ -2,7 +2,7 @@
 
 use embassy_time::Instant;
 
-use crate::frame::{Envelope, Frame};
+use crate::frame::Frame;
 use crate::modbus::pdu::{self, End};
 use crate::port::client::dispatcher::{Dispatcher, is_responding};
 use crate::port::cut_through::ingress::{Ingress, Passing, is_whole};
@@ -28,7 +28,7 @@ impl<'r, 'g> IncomingResponse<'r, 'g> {
         unit: u8,
         request: &'r [u8],
     ) -> Self {
-        let Envelope { cut, origin, .. } = frame.envelope();
+        let (cut, origin) = frame.read(|envelope| (envelope.cut, envelope.origin));
         // A response cannot be stored any more once its forwarding has begun, so its length must be known in time.
         let has_end = || pdu::response_end(request, request.get(..1).unwrap_or(&[])) != End::Unknown;
         let lane = || dispatcher.gateway().settings(|settings| Lane::at(settings, origin.port));

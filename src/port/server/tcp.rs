@@ -319,7 +319,8 @@ impl Server<'_, '_> {
             Response::Refusal(header, response) => return self.put(*header, response, out),
             Response::Response(frame) => frame,
         };
-        let Envelope { stage, cause, transaction, unit, .. } = frame.envelope();
+        let (stage, cause) = frame.read(|envelope| (envelope.stage, envelope.cause));
+        let (transaction, unit) = frame.read(|envelope| (envelope.transaction, envelope.unit));
         if out.is_new() {
             self.connection
                 .update(|connection| connection.open_requests = connection.open_requests.saturating_sub(1));

@@ -19,9 +19,6 @@ pub mod soak;
 mod figure;
 // What of the board a host can test.
 #[cfg(test)]
-#[path = "../../../boards/qemu_mps2/src/relay.rs"]
-mod relay;
-#[cfg(test)]
 #[path = "../../../boards/qemu_mps2/src/transmitter.rs"]
 mod transmitter;
 

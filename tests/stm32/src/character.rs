@@ -74,6 +74,11 @@ pub(crate) struct Heard {
 }
 
 impl Character {
+    /// How long it takes.
+    pub(crate) fn time(&self) -> Time {
+        self.format.time(self.format.bits())
+    }
+
     /// What a receiver with `format` makes of it, which looks at the middle of each of its own bits.
     pub(crate) fn heard_as(&self, format: &Format) -> Heard {
         let levels = self.format.levels(self.data);

@@ -6,7 +6,7 @@ use std::rc::Rc;
 use std::time::Duration;
 
 use crate::bus::Bus;
-use crate::chip::Board;
+use crate::chip::{Board, Family};
 use crate::cpu::Cpu;
 use crate::hooks::Shared;
 use crate::image::Image;
@@ -64,6 +64,11 @@ impl Machine {
         let cpu =
             Cpu::new(&board, &image, &random(&board), &bus, &work).map_err(|error| format!("{error:?}"))?;
         Ok(Self { board, image, bus, cpu, work, resets: Vec::new(), faults: Vec::new() })
+    }
+
+    /// The family of its chip.
+    pub fn family(&self) -> Family {
+        self.board.family
     }
 
     /// Time since the first power-up.

@@ -7,6 +7,8 @@ pub(crate) type Time = u64;
 
 /// Picoseconds of a second.
 pub(crate) const SECOND: Time = 1_000_000_000_000;
+/// Picoseconds of a nanosecond.
+pub(crate) const NANOSECOND: Time = 1_000;
 /// Picoseconds of a microsecond.
 pub(crate) const MICROSECOND: Time = 1_000_000;
 

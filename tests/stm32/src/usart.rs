@@ -7,7 +7,7 @@ use std::collections::VecDeque;
 
 use crate::bank::{ALL, Bank, bits};
 use crate::character::{Character, Format, Parity};
-use crate::time::Time;
+use crate::time::{NANOSECOND, Time};
 
 // Flags, which both generations have at the same places.
 const PE: u32 = 1;
@@ -17,6 +17,9 @@ const IDLE: u32 = 1 << 4;
 const RXNE: u32 = 1 << 5;
 const TC: u32 = 1 << 6;
 const TXE: u32 = 1 << 7;
+
+/// How long DMA takes to arbitrate and to read a character (AN4031, 2: some ten cycles of the bus).
+const DMA_TAKES: Time = 50 * NANOSECOND;
 
 /// A character that the board sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -68,6 +71,8 @@ pub(crate) struct Usart {
     shifting: Option<Sent>,
     driver_off_at: Option<Time>,
     idle_at: Option<Time>,
+    /// When DMA takes the character in the data register.
+    taken_at: Option<Time>,
     /// What other stations send: when each character ends.
     incoming: VecDeque<(Time, Character)>,
     pub(crate) sent: Vec<Sent>,
@@ -93,6 +98,7 @@ impl Usart {
             shifting: None,
             driver_off_at: None,
             idle_at: None,
+            taken_at: None,
             incoming: VecDeque::new(),
             sent: Vec::new(),
             driver: Vec::new(),
@@ -163,7 +169,9 @@ impl Usart {
     pub(crate) fn write(&mut self, offset: u32, value: u32, now: Time, clock_hz: u64) -> Option<()> {
         self.clock_hz = clock_hz;
         if offset == self.layout.transmit {
-            self.flags &= !(TXE | TC);
+            // The F4's TC goes where the status register, read before, had it set.
+            let is_complete = if self.layout.clear.is_none() { self.seen & TC } else { TC };
+            self.flags &= !(TXE | is_complete);
             self.waiting = Some(value as u8);
             self.shift(now);
         } else if offset == self.layout.status {
@@ -223,7 +231,7 @@ impl Usart {
     pub(crate) fn next_event(&self) -> Option<Time> {
         let shifted = self.shifting.as_ref().map(|sent| sent.end);
         let arrived = self.incoming.front().map(|&(end, _)| end);
-        [shifted, arrived, self.driver_off_at, self.idle_at].into_iter().flatten().min()
+        [shifted, arrived, self.driver_off_at, self.idle_at, self.taken_at].into_iter().flatten().min()
     }
 
     pub(crate) fn advance(&mut self, now: Time) {
@@ -243,10 +251,12 @@ impl Usart {
             self.driver_off_at = None;
             self.driver.push((at, false));
         }
-        if self.idle_at.is_some_and(|at| at <= now) {
-            self.idle_at = None;
-            self.flags |= IDLE;
+        if let Some(at) = self.idle_at.take_if(|at| *at <= now) {
+            // No start bit within a character's time.
+            let begins = self.incoming.front().map(|(end, character)| end - character.time());
+            self.flags |= if begins.is_none_or(|begin| begin >= at) { IDLE } else { 0 };
         }
+        self.taken_at.take_if(|at| *at <= now);
         while let Some((end, character)) = self.incoming.pop_front_if(|&mut (end, _)| end <= now) {
             self.hear(end, character);
         }
@@ -269,6 +279,7 @@ impl Usart {
             self.flags |= RXNE;
             // The parity bit is read along with seven bits of data.
             self.received = u32::from(heard.data);
+            self.taken_at = Some(end + DMA_TAKES);
         }
         // DMA may take the character before the interrupt is served.
         self.pulse |= self.interrupts();
@@ -276,7 +287,7 @@ impl Usart {
 
     /// A character waits to be taken by DMA.
     pub(crate) fn wants_to_give(&self) -> bool {
-        self.flags & RXNE != 0 && self.control(3) >> 6 & 1 != 0
+        self.flags & RXNE != 0 && self.taken_at.is_none() && self.control(3) >> 6 & 1 != 0
     }
 
     /// A character from DMA can be sent.

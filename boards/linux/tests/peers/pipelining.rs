@@ -77,5 +77,6 @@ fn a_living_unit_answers_beside_a_dead_one_that_another_client_keeps_asking() {
     }
     let took = dead.join().unwrap();
     assert!(took < Duration::from_millis(250), "a unit that is down was refused after {took:?}");
-    assert!(answers >= 6, "{answers} answers of the living unit");
+    // One behind each time-out. While the dead unit is refused at once, their number is up to the machine.
+    assert!(answers >= 3, "{answers} answers of the living unit");
 }

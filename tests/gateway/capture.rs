@@ -206,17 +206,6 @@ fn a_client_that_does_not_read_misses_frames_and_is_told_how_many_and_nobody_wai
 }
 
 #[test]
-fn a_board_without_files_says_how_else_frames_can_be_had() {
-    rig::with_gateway(1, SETTINGS, |world, rig| {
-        let shown = world.run_until(typed(rig.gateway, "capture x.pcapng"));
-        assert!(shown.ends_with(
-            "x.pcapng: settings not supported (no files here: port NAME tcp server 5029 capture)\n"
-        ));
-        assert!(world.run_until(typed(rig.gateway, "capture")).contains("expected a file, or off"));
-    });
-}
-
-#[test]
 fn a_newcomer_takes_the_place_of_who_captures_and_whoever_leaves_is_noticed() {
     rig::with_gateway(1, SETTINGS, |world, rig| {
         let connect = |host| rig.network.connect(machine(host), 5029).unwrap();
@@ -244,22 +233,5 @@ fn who_follows_too_slowly_is_told_what_is_missing() {
         assert_eq!(oldest.missed as usize, 100 - FRAMES_MAX);
         assert_eq!(std::iter::from_fn(|| capture.next(&mut cursor)).count(), FRAMES_MAX - 1);
         assert_eq!(cursor, capture.end());
-    });
-}
-
-#[test]
-fn the_console_shows_the_last_frames_with_their_verdicts() {
-    rig::with_gateway(1, SETTINGS, |world, rig| {
-        let faults = Faults::new(1).with(When::Requests(2..=2), Fault::BadCrc);
-        rig.attach(world, "uart1", [Device::new(5).with_faults(faults)]);
-        let mut client = rig.client(machine(1), 502);
-        world.run_until(client.request(5, &[3, 0, 7, 0, 1]));
-        world.run_until(client.request(5, &[3, 0, 7, 0, 1]));
-        let shown = world.run_until(typed(rig.gateway, "show frames"));
-        let lines: Vec<&str> = shown.lines().collect();
-        assert_eq!(lines.len(), 4, "{shown}");
-        assert!(lines[0].contains(" bus             > requests   05 03 00 07 00 01 34 4F"), "{shown}");
-        assert!(lines[1].contains("< answers    05 03 02 05 07"), "{shown}");
-        assert!(lines[3].contains("< bad-crc    05 03 02 05 07"), "{shown}");
     });
 }

@@ -155,17 +155,6 @@ fn no_answer_that_was_damaged_or_does_not_fit_is_taken_for_a_good_one() {
 }
 
 #[test]
-fn the_beginning_of_what_proves_to_be_no_answer_is_broken_off_before_its_end() {
-    between((Framing::Ascii, 19_200), (Framing::Rtu, 19_200), "", |world, rig, devices| {
-        devices[0].set_faults(Faults::new(1).with(When::Always, Fault::WrongEcho));
-        world.run_until(rig.master("up").send(105, &[3, 0, 0, 0, 100]));
-        // It takes 118 ms.
-        world.run_for(Duration::from_millis(50));
-        assert_eq!(counts(rig, "S"), [1, 0, 1]);
-    });
-}
-
-#[test]
 fn who_shares_an_answer_that_began_wrongly_is_given_no_part_of_it() {
     between((Framing::Ascii, 19_200), (Framing::Rtu, 19_200), "", |world, rig, _| {
         let (mut master, mut unit) = (rig.master("up"), rig.master("down"));
@@ -200,22 +189,6 @@ fn who_shares_an_answer_that_began_wrongly_is_given_no_part_of_it() {
         let [cut, _, aborted] = counts(rig, "S");
         let one_more = (begun[0] + 1, begun[2] + 1);
         assert_eq!((cut, aborted), one_more, "the master heard the beginning of the first one");
-    });
-}
-
-#[test]
-fn stray_characters_behind_a_request_do_not_spoil_the_one_behind_its_answer() {
-    let settings = "port S serial up rtu server 19200 char-timeout 20ms\nport C serial down rtu client 19200\n\
-         route S * * * C cut on\n";
-    rig::with_gateway(1, settings, |world, rig| {
-        rig.attach(world, "down", [Device::new(5)]);
-        world.run_for(Duration::from_secs(1));
-        let mut master = rig.master("up");
-        world.run_until(master.send_bytes(&[&rtu::frame(5, &READ)[..], &[0xff]].concat()));
-        let good = Some(rtu::frame(5, &VALUE));
-        assert_eq!(world.run_until(master.receive()).map(|heard| heard.bytes), good);
-        world.run_for(Duration::from_millis(5));
-        assert_eq!(world.run_until(master.request(5, &READ)), Answer::Pdu(VALUE.to_vec()));
     });
 }
 
@@ -288,24 +261,6 @@ fn a_damaged_read_is_answered_from_no_memory_and_joins_no_other() {
         }
         assert_eq!(rig.sent("up").characters, 0, "{case}: no answer to a damaged request");
         assert_eq!((device.counters().all_requests(), rig.counted("C", Event::Cached)), (1, 0), "{case}");
-    });
-}
-
-#[test]
-fn memory_knows_what_was_passed_on_and_forgets_what_was_written() {
-    shared("cache 10s", |case, world, rig, device| {
-        let (mut master, mut client) = (rig.master("up"), rig.client(machine(1), 502));
-        world.run_for(TURN);
-        let (_, answer) = world.run_until(master_asks(&mut master, &READ));
-        assert_eq!(answer, Answer::Pdu(OLD.to_vec()), "{case}");
-        let (_, answer) = world.run_until(after(TURN, &mut client, &READ));
-        assert_eq!(answer, Answer::Pdu(OLD.to_vec()), "{case}");
-        assert_eq!((device.counters().all_requests(), rig.counted("C", Event::Cached)), (1, 1), "{case}");
-        let (_, answer) = world.run_until(master_asks(&mut master, &WRITE));
-        assert_eq!(answer, Answer::Pdu(WRITE.to_vec()), "{case}");
-        let (_, answer) = world.run_until(after(TURN, &mut client, &READ));
-        assert_eq!(answer, Answer::Pdu(NEW.to_vec()), "{case}");
-        assert_eq!(counts(rig, "C")[0], 2, "{case}: both were passed on while they arrived");
     });
 }
 

@@ -137,29 +137,6 @@ fn the_board_relays_all_of_a_frame_between_its_header_and_its_last_character() {
 }
 
 #[test]
-fn a_rule_can_have_frames_stored() {
-    pairs(&PAIRS, &SPEEDS[..1], "cut off", |case, _, world, rig, _| {
-        is_well(case, world, &mut rig.master("up"));
-        assert_eq!((counts(rig, "C"), counts(rig, "S")), ([0, 1, 0], [0, 1, 0]), "{case}");
-    });
-}
-
-#[test]
-fn what_a_rule_refuses_never_reaches_the_other_line() {
-    for rule in ["readonly", "writes 0-10", "addresses 0-10"] {
-        played(19_200, 19_200, rule, |world, rig, _| {
-            let mut master = rig.master("up");
-            let answer = world.run_until(master.request(105, &[6, 0, 50, 1, 2]));
-            assert!(matches!(answer, Answer::Pdu(pdu) if pdu[0] == 0x86), "{rule}");
-            assert_eq!(rig.sent("down").characters, 0, "{rule}");
-            // What it allows is passed on while it arrives, as soon as that is seen.
-            assert_eq!(world.run_until(master.request(105, &READ)), Answer::Pdu(VALUE.to_vec()), "{rule}");
-            assert_eq!(counts(rig, "C"), [1, 0, 0], "{rule}");
-        });
-    }
-}
-
-#[test]
 fn a_request_with_any_bit_of_any_character_turned_is_never_carried_out() {
     pairs(&PAIRS, &SPEEDS, "", |case, up, world, rig, devices| {
         let frame = framing::frame(up, 105, &READ);
@@ -219,20 +196,6 @@ fn a_damaged_check_goes_on_as_a_wrong_check() {
 }
 
 #[test]
-fn a_request_that_breaks_off_is_broken_off_on_the_other_line() {
-    played(19_200, 19_200, "", |world, rig, devices| {
-        let mut master = rig.master("up");
-        for length in 1..8 {
-            world.run_until(master.send_bytes(&rtu::frame(105, &READ)[..length]));
-            world.run_for(Duration::from_millis(50));
-        }
-        assert_eq!(devices[0].counters().all_requests(), 0);
-        assert_eq!(counts(rig, "C"), [7, 0, 7]);
-        assert_eq!(world.run_until(master.request(105, &READ)), Answer::Pdu(VALUE.to_vec()));
-    });
-}
-
-#[test]
 fn a_request_that_breaks_off_anywhere_is_broken_off_on_the_other_line() {
     pairs(&PAIRS, &SPEEDS, "", |case, up, world, rig, devices| {
         let frame = framing::frame(up, 105, &READ);
@@ -268,28 +231,6 @@ fn what_answers_a_request_that_broke_off_where_it_looked_whole_is_no_answer_to_t
 }
 
 #[test]
-fn a_malformed_request_is_broken_off_and_answered_by_the_gateway() {
-    pairs(&PAIRS, &SPEEDS, "", |case, _, world, rig, devices| {
-        // 126 registers are more than a read may ask for.
-        let answer = world.run_until(rig.master("up").request(105, &[3, 0, 0, 0, 126]));
-        assert_eq!(answer, Answer::Pdu(vec![0x83, 3]), "{case}");
-        assert_eq!(devices[0].counters().all_requests(), 0, "{case}");
-        assert_eq!(counts(rig, "C"), [1, 0, 1], "{case}");
-    });
-}
-
-#[test]
-fn functions_of_unknown_length_are_stored_and_begun_at_most_once() {
-    played(19_200, 19_200, "", |world, rig, _| {
-        let mut master = rig.master("up");
-        for _ in 0..3 {
-            assert_eq!(world.run_until(master.request(105, &[65, 1, 2])), Answer::Pdu(vec![65, 1, 2, !65]));
-        }
-        assert_eq!(counts(rig, "C"), [1, 3, 1]);
-    });
-}
-
-#[test]
 fn a_frame_for_a_busy_line_is_stored_or_passed_on_late() {
     pairs(&PAIRS, &[(9_600, 9_600), (9_600, 19_200)], "", |case, _, world, rig, _| {
         let (mut master, mut client) = (rig.master("up"), rig.client(machine(1), 502));
@@ -310,18 +251,6 @@ fn a_frame_for_a_busy_line_is_stored_or_passed_on_late() {
         let [cut, stored, aborted] = counts(rig, "C");
         assert!(cut > 0 && stored > 0 && aborted == 0, "{case}: {cut} {stored} {aborted}");
         ["up", "down"].into_iter().for_each(|wire| assert_no_pause(case, rig, wire));
-    });
-}
-
-#[test]
-fn a_unit_that_is_down_is_refused_though_its_request_was_passed_on_early() {
-    played(19_200, 19_200, "", |world, rig, _| {
-        let mut master = rig.master("up");
-        let answers: Vec<_> = (0..5).map(|_| world.run_until(master.request(109, &READ))).collect();
-        let refused = Answer::Pdu(vec![0x83, 0x0b]);
-        assert!(answers.iter().all(|answer| *answer == refused), "{answers:?}");
-        // Two of them waited for a proof that did not come.
-        assert_eq!((rig.counted("C", Event::Timeout), rig.counted("C", Event::Proof)), (1, 2));
     });
 }
 

@@ -9,17 +9,6 @@ route P502 * * * P1
 ";
 
 #[test]
-fn a_register_is_read_through_the_gateway() {
-    rig::with_gateway(1, SETTINGS, |world, rig| {
-        let device = Device::new(5);
-        device.memory().holding[7] = 0xcafe;
-        rig.attach(world, "bus", [device]);
-        assert_eq!(rig.ask(world, 5, &[3, 0, 7, 0, 1]), Answer::Pdu(vec![3, 2, 0xca, 0xfe]));
-        assert_eq!(rig.frames_in_use(), 0);
-    });
-}
-
-#[test]
 fn who_asks_while_the_line_is_opened_for_the_first_time_waits_for_that() {
     let opening = Duration::from_millis(100);
     let settings = format!("{SETTINGS}edit port P1 late-window 1ms");

@@ -1,11 +1,10 @@
-//! Data points: the scanner by itself, with time as a value; its port, the local tables and the settings in virtual time.
+//! Data points: the scanner by itself, with time as a value; its port and the settings in virtual time.
 
 mod bits;
 mod config;
 mod console;
 mod gathering;
 mod image;
-mod local;
 mod polling;
 mod program;
 mod served;

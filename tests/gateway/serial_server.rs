@@ -21,27 +21,6 @@ fn played(server: &str, client: &str, play: impl for<'w> FnOnce(&mut World<'w>, 
 }
 
 #[test]
-fn a_master_reaches_a_device_in_all_pairs_of_framings() {
-    for server in ["rtu server 19200 8E1", "ascii server 9600 7E1"] {
-        for client in ["rtu client 115200 8N1", "ascii client 38400 7E1"] {
-            played(server, client, |world, rig| {
-                let mut master = rig.master("up");
-                let answer = world.run_until(master.request(5, &READ));
-                assert_eq!(answer, Answer::Pdu(vec![3, 2, 5, 7]), "{server} {client}");
-                let answer = world.run_until(master.request(6, &[6, 0, 1, 0xab, 0xcd]));
-                assert_eq!(answer, Answer::Pdu(vec![6, 0, 1, 0xab, 0xcd]));
-                let answer = world.run_until(master.request(6, &[65, 1, 2]));
-                assert_eq!(answer, Answer::Pdu(vec![65, 1, 2, !65]));
-                let answer = world.run_until(master.request(6, &[3, 0xff, 0, 0, 1]));
-                assert_eq!(answer, Answer::Pdu(vec![0x83, 2]));
-                assert_eq!(world.run_until(master.request(10, &READ)), Answer::Silence, "not ours");
-                assert_eq!(rig.counted("S", Event::Response), 4);
-            });
-        }
-    }
-}
-
-#[test]
 fn rts_is_on_from_before_the_first_bit_until_after_the_last() {
     let rts = "19200 8E1 rts driver-before 200us driver-after 100us";
     played(&format!("rtu server {rts}"), &format!("rtu client {rts}"), |world, rig| {
@@ -62,44 +41,6 @@ fn rts_is_on_from_before_the_first_bit_until_after_the_last() {
                 assert!((wanted..=wanted + 2_000).contains(&ahead), "{line}: {ahead}");
             }
         }
-    });
-}
-
-#[test]
-fn the_last_error_tells_what_was_wrong_with_a_request() {
-    let settings = "port S serial up ascii server 9600 7E1\nport R serial bus rtu server\n\
-                    port X serial gone rtu server\nroute S 5 * * local\nroute R 5 * * local\n";
-    rig::with_gateway(1, settings, |world, rig| {
-        let last_error = |name: &str| {
-            let port = rig.gateway.settings(|settings| settings.find(name)).unwrap();
-            rig.gateway.ports()[port.index()].stats.last_error()
-        };
-        rig.end("gone").unplug();
-        assert_eq!(last_error("S"), LastError::None);
-        let (mut ascii, mut rtu) = (rig.master("up"), rig.master("bus"));
-        let mut try_ascii = |bytes: &[u8]| {
-            world.run_until(ascii.send_bytes(bytes));
-            world.run_for(Duration::from_secs(2));
-            last_error("S")
-        };
-        assert_eq!(try_ascii(b":050300000001F8\r\n"), LastError::Checksum);
-        assert_eq!(try_ascii(b":0503\r\n"), LastError::Length);
-        assert_eq!(try_ascii(b":0503000x"), LastError::Ascii);
-        assert_eq!(try_ascii(b":050300"), LastError::Gap);
-        assert_eq!(try_ascii(b":050300000001F7\r\n"), LastError::Function);
-        assert_eq!(try_ascii(b":0503000000007EFF\r\n"), LastError::Checksum);
-        world.run_for(Duration::from_secs(1));
-        let answer = world.run_until(rtu.request(5, &[3, 0, 0, 0, 126]));
-        assert_eq!((answer, last_error("R")), (Answer::Pdu(vec![0x83, 3]), LastError::Response));
-        let answer = world.run_until(rtu.request(5, &[5, 0, 0, 1, 0]));
-        assert_eq!((answer, last_error("R")), (Answer::Pdu(vec![0x85, 3]), LastError::Value));
-        world.run_until(rtu.send_bytes(&[5, 3, 0, 0, 0, 1, 0, 0]));
-        world.run_for(Duration::from_secs(1));
-        assert_eq!(last_error("R"), LastError::Checksum);
-        // An adapter that is out when the port is set anew.
-        rig.console("edit port X 9600").unwrap();
-        world.run_for(Duration::from_secs(1));
-        assert_eq!(last_error("X"), LastError::Port);
     });
 }
 

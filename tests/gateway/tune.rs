@@ -76,29 +76,6 @@ fn a_time_out_is_proposed_from_what_the_units_do_and_traffic_goes_on() {
 }
 
 #[test]
-fn a_unit_that_needs_a_pause_is_given_the_first_gap_at_which_it_answers_everything() {
-    rig::with_gateway(1, SETTINGS, |world, rig| {
-        rig.attach(world, "uart1", [Device::new(5).with_rest(Duration::from_millis(6))]);
-        let shown = world.run_until(typed(rig.gateway, "tune bus units 5 count 100"));
-        // 2.005 ms is legal; 4.01 ms are not enough.
-        assert!(shown.contains(" 0 lost; "), "{shown}");
-        assert!(shown.trim_end().ends_with(" gap 8.024ms"), "{shown}");
-    });
-}
-
-#[test]
-fn a_unit_that_does_not_answer_is_said_and_one_that_answers_by_chance_is_given_up() {
-    rig::with_gateway(1, SETTINGS, |world, rig| {
-        let faults = Faults::new(1).with(When::Chance(0.5), Fault::Dead);
-        rig.attach(world, "uart1", [Device::new(6).with_faults(faults)]);
-        let shown = world.run_until(typed(rig.gateway, "tune bus units 5-6 count 100"));
-        assert!(shown.contains("unit 5: no answer\n"), "{shown}");
-        assert!(shown.contains("unit 6: no gap helps"), "{shown}");
-        assert!(!shown.contains("edit port"), "{shown}");
-    });
-}
-
-#[test]
 fn a_key_stops_it_and_then_it_proposes_nothing() {
     rig::with_gateway(1, SETTINGS, |world, rig| {
         rig.attach(world, "uart1", [Device::new(5), Device::new(6)]);

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 
 use serde::Deserialize;
+use toml::{Table, Value};
 
 /// A file: what its cases have in common, and the cases.
 #[derive(Deserialize)]
@@ -16,7 +17,7 @@ pub(crate) struct File {
     bus: Option<BTreeMap<String, Bus>>,
     server: Option<BTreeMap<SocketAddr, Server>>,
     client: Option<BTreeMap<String, Client>>,
-    case: Vec<CaseText>,
+    case: Vec<Table>,
 }
 
 /// The gateway's settings and its surroundings. What a case says replaces what the file says, table by table.
@@ -37,6 +38,9 @@ struct CaseText {
     name: String,
     steps: String,
     settings: Option<String>,
+    /// Lines behind those of the file.
+    #[serde(default)]
+    more_settings: String,
     bus: Option<BTreeMap<String, Bus>>,
     server: Option<BTreeMap<SocketAddr, Server>>,
     client: Option<BTreeMap<String, Client>>,
@@ -62,6 +66,14 @@ pub(crate) struct Server {
     /// It speaks RTU over TCP.
     pub(crate) rtu: bool,
     pub(crate) device: Vec<Device>,
+    /// To it and back.
+    pub(crate) latency: Option<String>,
+    /// It does not listen before a step says so.
+    pub(crate) absent: bool,
+    /// It accepts no connection.
+    pub(crate) deaf: bool,
+    /// It closes each connection after this time, and answers nothing.
+    pub(crate) closes_after: Option<String>,
 }
 
 /// A Modbus device.
@@ -78,6 +90,10 @@ pub(crate) struct Device {
     /// Sentences such as `every 3rd bad crc`.
     #[serde(default)]
     pub(crate) faults: Vec<String>,
+    /// Pause that it needs behind its own response.
+    pub(crate) rest: Option<String>,
+    /// Its speed and format where that is not the bus's; it is `apart` then.
+    pub(crate) line: Option<String>,
     /// A tap of its own instead of one that all devices of the bus share: it collides with the others.
     #[serde(default)]
     pub(crate) apart: bool,
@@ -100,11 +116,24 @@ pub(crate) struct Client {
     pub(crate) spacing: Option<String>,
     /// Bytes arrive together at multiples of this time.
     pub(crate) coalesce: Option<String>,
+    /// It speaks RTU over TCP, or sends datagrams.
+    #[serde(default)]
+    pub(crate) by: By,
     /// Bytes of window.
     pub(crate) window: Option<usize>,
     /// It never reads.
     #[serde(default)]
     pub(crate) deaf: bool,
+}
+
+/// How a client's frames travel in the network.
+#[derive(Deserialize, Clone, Copy, Default, PartialEq)]
+#[serde(rename_all = "lowercase")]
+pub(crate) enum By {
+    #[default]
+    Tcp,
+    Rtu,
+    Udp,
 }
 
 fn anywhere() -> IpAddr {
@@ -123,18 +152,59 @@ pub(crate) struct Case {
 }
 
 impl File {
-    pub(crate) fn cases(&self) -> Vec<Case> {
-        self.case.iter().map(|case| self.case(case)).collect()
+    /// The cases; one with a table `each` is a case for each of its rows.
+    pub(crate) fn cases(&self) -> Result<Vec<Case>, toml::de::Error> {
+        let mut cases = Vec::new();
+        for case in &self.case {
+            let mut case = case.clone();
+            let each =
+                case.remove("each").map_or_else(|| Ok(vec![Table::new()]), Vec::<Table>::deserialize)?;
+            for row in each.into_iter().flat_map(combinations) {
+                let mut text = CaseText::deserialize(filled(&Value::Table(case.clone()), &row))?;
+                let told: Vec<String> = row.iter().map(|(key, value)| format!("{key} {value}")).collect();
+                if !told.is_empty() {
+                    text.name = format!("{} ({})", text.name, told.join(", "));
+                }
+                cases.push(self.case(&text));
+            }
+        }
+        Ok(cases)
     }
 
     fn case(&self, case: &CaseText) -> Case {
         let setup = Setup {
-            settings: own_or_common(&case.settings, &self.settings),
+            settings: own_or_common(&case.settings, &self.settings) + &case.more_settings,
             bus: own_or_common(&case.bus, &self.bus),
             server: own_or_common(&case.server, &self.server),
             client: own_or_common(&case.client, &self.client),
         };
         Case { name: case.name.clone(), steps: case.steps.clone(), setup }
+    }
+}
+
+/// A row of keys and texts for each combination of the values of those keys that have a list of them.
+fn combinations(row: Table) -> Vec<Vec<(String, String)>> {
+    row.into_iter().fold(vec![vec![]], |rows, (key, value)| {
+        let values = if let Value::Array(values) = value { values } else { vec![value] };
+        let text = |value: &Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
+        let longer = |row: &Vec<_>, value| [&row[..], &[(key.clone(), text(value))]].concat();
+        rows.iter().flat_map(|row| values.iter().map(move |value| longer(row, value))).collect()
+    })
+}
+
+/// `value` with the texts of `row` wherever it has their keys in braces.
+fn filled(value: &Value, row: &[(String, String)]) -> Value {
+    match value {
+        Value::String(text) => {
+            let fill =
+                |text: String, (key, with): &(String, String)| text.replace(&format!("{{{key}}}"), with);
+            Value::String(row.iter().fold(text.clone(), fill))
+        }
+        Value::Array(values) => Value::Array(values.iter().map(|value| filled(value, row)).collect()),
+        Value::Table(table) => {
+            Value::Table(table.iter().map(|(key, value)| (key.clone(), filled(value, row))).collect())
+        }
+        other => other.clone(),
     }
 }
 

@@ -36,8 +36,8 @@ fn files(folder: &Path) -> Vec<PathBuf> {
 fn trials(path: &Path) -> Vec<Trial> {
     let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let text = std::fs::read_to_string(path).expect("a file that was listed just now");
-    match toml::from_str::<File>(&text) {
-        Ok(file) => file.cases().into_iter().map(|case| trial(&stem, case)).collect(),
+    match toml::from_str::<File>(&text).and_then(|file| file.cases()) {
+        Ok(cases) => cases.into_iter().map(|case| trial(&stem, case)).collect(),
         Err(error) => {
             let error = Failed::from(error.to_string());
             vec![Trial::test(format!("{stem} can be read"), move || Err(error))]

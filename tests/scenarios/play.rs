@@ -3,10 +3,11 @@
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
 
-use embassy_time::{Duration, Instant};
+use embassy_time::{Duration, Instant, Timer};
 use mobgate::language::apply;
 use mobgate::settings::{LineSettings, PortKind, Settings};
 use mobgate_simulator::device::tcp::Stream;
+use mobgate_simulator::net::{self, Path};
 use mobgate_simulator::{Device, LineEnd, Rig, World, device, rig, wire::Silence};
 
 mod acts;
@@ -27,6 +28,9 @@ struct Stage<'s, 'r, 'g> {
     rig: &'r Rig<'g>,
     /// By bus and unit id.
     devices: BTreeMap<(String, u8), Device>,
+    servers: &'s BTreeMap<SocketAddr, Server>,
+    /// Those that accept nobody.
+    deaf: Vec<net::Server>,
     /// A tap on each wire, for noise.
     strangers: BTreeMap<String, LineEnd>,
     clients: Clients<'s>,
@@ -67,6 +71,8 @@ impl<'s, 'r, 'g> Stage<'s, 'r, 'g> {
         let mut stage = Self {
             rig,
             devices: BTreeMap::new(),
+            servers: &setup.server,
+            deaf: Vec::new(),
             strangers: BTreeMap::new(),
             clients: Clients::new(&setup.client),
             begun: Instant::now(),
@@ -74,18 +80,15 @@ impl<'s, 'r, 'g> Stage<'s, 'r, 'g> {
         for (name, bus) in &setup.bus {
             stage.connect_bus(world, name, bus)?;
         }
-        for (address, server) in &setup.server {
-            stage.connect_server(world, *address, server)?;
+        for (address, _) in setup.server.iter().filter(|(_, server)| !server.absent) {
+            stage.listen(world, *address)?;
         }
         Ok(stage)
     }
 
-    fn connect_server(
-        &mut self,
-        world: &World<'_>,
-        address: SocketAddr,
-        server: &Server,
-    ) -> Result<(), String> {
+    /// The server at `address` listens from now on.
+    fn listen(&mut self, world: &World<'_>, address: SocketAddr) -> Result<(), String> {
+        let server = self.servers.get(&address).ok_or("there is no such server")?;
         let framing = if server.rtu { Stream::Rtu } else { Stream::Mbap };
         let mut devices = Vec::new();
         for (seed, setup) in server.device.iter().enumerate() {
@@ -96,22 +99,33 @@ impl<'s, 'r, 'g> Stage<'s, 'r, 'g> {
         if let Some(name) = &server.name {
             self.rig.network.set_name(name, Some(address.ip()));
         }
+        if let Some(latency) = &server.latency {
+            self.rig.network.set_path(address, Path { latency: duration(latency)?, ..Path::default() });
+        }
         let listener = self.rig.network.serve(address);
-        world.spawn(device::tcp::serve(listener, framing, devices, world.spawner()));
+        if server.deaf {
+            self.deaf.push(listener);
+        } else if let Some(time) = &server.closes_after {
+            world.spawn(close_each(listener, duration(time)?));
+        } else {
+            world.spawn(device::tcp::serve(listener, framing, devices, world.spawner()));
+        }
         Ok(())
     }
 
     fn connect_bus(&mut self, world: &World<'_>, name: &str, bus: &Bus) -> Result<(), String> {
         let end = self.rig.end(name);
         end.set_echo(bus.echo);
-        let line = bus.line.as_deref().map_or(Ok(end.line()), line_settings)?;
+        let line_of = |own: &Option<String>, other| own.as_deref().map_or(Ok(other), line_settings);
+        let line = line_of(&bus.line, end.line())?;
         let wire = self.rig.wire(name);
         self.strangers.insert(name.to_owned(), wire.tap(line));
         let mut together = Vec::new();
         for (seed, setup) in bus.device.iter().enumerate() {
             let device = new_device(setup, seed)?;
             self.devices.insert((name.to_owned(), setup.unit), device.clone());
-            if setup.apart {
+            if setup.apart || setup.line.is_some() {
+                let line = line_of(&setup.line, line)?;
                 world.spawn(device::serve_in(self.rig.framing(name), wire.tap(line), vec![device]));
             } else {
                 together.push(device);
@@ -149,10 +163,19 @@ impl<'s, 'r, 'g> Stage<'s, 'r, 'g> {
     }
 }
 
+/// Accepts connections, and closes each after `time`.
+async fn close_each(listener: net::Server, time: Duration) {
+    loop {
+        let stream = listener.accept().await;
+        Timer::after(time).await;
+        drop(stream);
+    }
+}
+
 /// Speed and format from words of the settings language.
 fn line_settings(words: &str) -> Result<LineSettings, String> {
     let mut settings = Settings::new();
-    let line = format!("port any serial any rtu client {words}");
+    let line = format!("port any serial any ascii client {words}");
     apply(&mut settings, &line).map_err(|error| error.to_string())?;
     match settings.ports.iter().flatten().next().map(|port| &port.kind) {
         Some(PortKind::Serial(serial)) => Ok(serial.line),
@@ -161,9 +184,12 @@ fn line_settings(words: &str) -> Result<LineSettings, String> {
 }
 
 fn new_device(setup: &file::Device, seed: usize) -> Result<Device, String> {
-    let mut device = Device::new(setup.unit).with_faults(faults(seed as u64, &setup.faults)?);
+    let mut device = Device::new(setup.unit).with_notes().with_faults(faults(seed as u64, &setup.faults)?);
     if let Some(turnaround) = &setup.turnaround {
         device = device.with_turnaround(duration(turnaround)?);
+    }
+    if let Some(rest) = &setup.rest {
+        device = device.with_rest(duration(rest)?);
     }
     if let Some(address) = setup.fresh {
         device = device.with_fresh(address);

@@ -1,6 +1,6 @@
 //! Steps: one line each, a sentence whose first word says who acts.
 
-use std::net::SocketAddr;
+use std::net::{IpAddr, SocketAddr};
 
 use embassy_time::Duration;
 use mobgate::stats::Event;
@@ -17,16 +17,24 @@ pub(crate) enum Step {
     Console { line: String, refused: bool },
     /// `port bus counted 2 timeouts`
     Counted { port: String, count: u32, event: Event },
-    /// `show units has: 1 silent`
-    Shows { command: String, phrase: String },
-    /// `16 times: scada asks ...`
-    Times(usize, Box<Step>),
+    /// `port bus has last error bad checksum`
+    LastError { port: String, error: String },
+    /// `show units has: 5 up ... 6 down`; `show units has no: down`
+    Shows { command: String, phrases: String, not: bool },
+    /// `16 times: scada asks ...; scada gets ...`
+    Times(usize, Vec<Step>),
     /// `100 clients come and go on 502`
     Crowd { count: usize, port: u16 },
     /// `unit 5 on uart1 ...`
     Unit { unit: u8, device: String, what: OfUnit },
-    /// `server 10.0.1.1:502 is unreachable`, `is reachable`
-    Server { address: SocketAddr, reachable: bool },
+    /// `server 10.0.1.1:502 is unreachable`, `is reachable`, `listens`
+    Server { address: SocketAddr, what: OfServer },
+    /// `name meter.example is 10.0.1.2`
+    Name { name: String, address: IpAddr },
+    /// `network made 3 connections`
+    Made(u64),
+    /// `network used 2 sockets at most`
+    SocketsUsed(u64),
     /// `wire uart1 ...`
     Wire { device: String, what: OfWire },
     /// `point power ...`
@@ -43,10 +51,24 @@ pub(crate) enum OfUnit {
     Faults(Vec<String>),
     /// `saw 3 requests`
     Saw(u64),
-    /// `executed 1 writes`
-    Executed(usize),
+    /// `was asked 03 0000 0001, 06 0007 0063`, `was asked nothing`: since this was looked at last.
+    WasAsked(Vec<Vec<u8>>),
+    /// `executed 1 writes`; `executed 2 writes, the last 06 0007 0063`
+    Executed(usize, Option<Vec<u8>>),
+    /// `heard 0 gaps` within frames
+    HeardGaps(u64),
     /// `holds 1234 at 7`
     Holds(u16, u16),
+    /// `: answers 11 05 41636D65`, whatever it is asked
+    Answers(Vec<u8>),
+    /// `: register 7 = 1234`
+    Set(u16, u16),
+}
+
+/// What becomes of a server in the network.
+pub(crate) enum OfServer {
+    Unreachable(bool),
+    Listens,
 }
 
 /// What is done with a data point, or is to be seen of it.
@@ -79,6 +101,8 @@ pub(crate) enum OfWire {
     Babbles(Duration),
     /// `carried 2 frames from the gateway`
     Carried(u64),
+    /// `had 0 collisions`
+    Collided(u64),
 }
 
 /// What a client does or gets.
@@ -116,10 +140,14 @@ pub(crate) enum Expected {
     Exception(u8),
     /// `the response of unit 5`: what a device with that id that nobody has written to answers.
     OfUnit(u8),
+    /// `its own answer`: that of the unit that it has asked.
+    Own,
     /// `fresh values`: read between question and answer.
     Fresh,
     /// `a damaged frame`, on a serial line.
     Damaged,
+    /// `an answer`
+    Any,
 }
 
 /// Bounds of a time since the question.
@@ -131,17 +159,18 @@ pub(crate) struct Times {
 
 /// Reads a line of a scenario's steps.
 pub(crate) fn step(line: &str) -> Result<Step, String> {
-    if let Some(line) = line.strip_prefix("console refuses:") {
-        return Ok(Step::Console { line: line.trim().to_owned(), refused: true });
+    for (begin, refused) in [("console refuses:", true), ("console:", false)] {
+        if let Some(line) = line.strip_prefix(begin) {
+            return Ok(Step::Console { line: line.trim().to_owned(), refused });
+        }
     }
-    if let Some(line) = line.strip_prefix("console:") {
-        return Ok(Step::Console { line: line.trim().to_owned(), refused: false });
-    }
-    if let Some((command, phrase)) = line.split_once(" has:") {
-        return Ok(Step::Shows { command: command.to_owned(), phrase: phrase.trim().to_owned() });
+    for (has, not) in [(" has no:", true), (" has:", false)] {
+        if let Some((command, phrases)) = line.split_once(has) {
+            return Ok(Step::Shows { command: command.to_owned(), phrases: phrases.to_owned(), not });
+        }
     }
     if let Some((count, repeated)) = line.split_once(" times: ") {
-        return Ok(Step::Times(number(count)?, Box::new(step(repeated)?)));
+        return Ok(Step::Times(number(count)?, repeated.split("; ").map(step).collect::<Result<_, _>>()?));
     }
     let words: Vec<&str> = line.split_whitespace().collect();
     Ok(match &words[..] {
@@ -152,6 +181,9 @@ pub(crate) fn step(line: &str) -> Result<Step, String> {
             let event = event.ok_or("no counter has this name")?;
             Step::Counted { port: (*port).to_owned(), count: number(count)?, event }
         }
+        ["port", port, "has", "last", "error", error @ ..] => {
+            Step::LastError { port: (*port).to_owned(), error: error.join(" ") }
+        }
         [count, "clients", "come", "and", "go", "on", port] => {
             Step::Crowd { count: number(count)?, port: number(port)? }
         }
@@ -159,10 +191,16 @@ pub(crate) fn step(line: &str) -> Result<Step, String> {
             let (device, rest) = name(rest)?;
             Step::Unit { unit: number(unit)?, device, what: of_unit(&rest)? }
         }
-        ["server", address, "is", word @ ("reachable" | "unreachable")] => {
+        ["server", address, what @ ..] => {
             let address = address.parse().map_err(|_| "an address such as 10.0.1.1:502 is missing")?;
-            Step::Server { address, reachable: *word == "reachable" }
+            Step::Server { address, what: of_server(what)? }
         }
+        ["name", name, "is", address] => {
+            let address = address.parse().map_err(|_| "an address such as 10.0.1.1 is missing")?;
+            Step::Name { name: (*name).to_owned(), address }
+        }
+        ["network", "made", count, "connection" | "connections"] => Step::Made(number(count)?),
+        ["network", "used", count, "sockets", "at", "most"] => Step::SocketsUsed(number(count)?),
         ["wire", rest @ ..] => {
             let (device, rest) = name(rest)?;
             Step::Wire { device, what: of_wire(&rest)? }
@@ -193,11 +231,32 @@ fn name<'s>(words: &[&'s str]) -> Result<(String, Vec<&'s str>), String> {
 fn of_unit(words: &[&str]) -> Result<OfUnit, String> {
     Ok(match words {
         [":", "well"] => OfUnit::Faults(Vec::new()),
+        [":", "answers", pdu @ ..] => OfUnit::Answers(bytes(pdu)?),
+        [":", "register", address, "=", value] => OfUnit::Set(number(address)?, number(value)?),
         [":", fault @ ..] => OfUnit::Faults(vec![fault.join(" ")]),
+        ["was", "asked", "nothing"] => OfUnit::WasAsked(Vec::new()),
+        ["was", "asked", pdus @ ..] => {
+            let pdus = pdus.join(" ");
+            let pdu = |words: &str| bytes(&words.split_whitespace().collect::<Vec<_>>());
+            OfUnit::WasAsked(pdus.split(',').map(pdu).collect::<Result<_, _>>()?)
+        }
         ["saw", count, "request" | "requests"] => OfUnit::Saw(number(count)?),
-        ["executed", count, "write" | "writes"] => OfUnit::Executed(number(count)?),
+        ["executed", count, "write" | "writes"] => OfUnit::Executed(number(count)?, None),
+        ["executed", count, "write," | "writes,", "the", "last", pdu @ ..] => {
+            OfUnit::Executed(number(count)?, Some(bytes(pdu)?))
+        }
+        ["heard", count, "gap" | "gaps"] => OfUnit::HeardGaps(number(count)?),
         ["holds", value, "at", address] => OfUnit::Holds(number(value)?, number(address)?),
         _ => return Err("a unit has a fault, saw requests, executed writes or holds values".to_owned()),
+    })
+}
+
+fn of_server(words: &[&str]) -> Result<OfServer, String> {
+    Ok(match words {
+        ["is", "unreachable"] => OfServer::Unreachable(true),
+        ["is", "reachable"] => OfServer::Unreachable(false),
+        ["listens"] => OfServer::Listens,
+        _ => return Err("a server is unreachable or reachable, or listens".to_owned()),
     })
 }
 
@@ -223,7 +282,10 @@ fn of_wire(words: &[&str]) -> Result<OfWire, String> {
         [":", "noise", noise @ ..] => OfWire::Noise(bytes(noise)?),
         [":", "babbles", "for", time] => OfWire::Babbles(duration(time)?),
         ["carried", count, "frame" | "frames", "from", "the", "gateway"] => OfWire::Carried(number(count)?),
-        _ => Err("a wire is unplugged, plugged in, swapped or right, has noise, babbles, or carried frames")?,
+        ["had", count, "collision" | "collisions"] => OfWire::Collided(number(count)?),
+        _ => Err(
+            "a wire is unplugged, plugged in, swapped or right, has noise or collisions, babbles, or carried frames",
+        )?,
     })
 }
 
@@ -278,8 +340,10 @@ fn expected(words: &[&str]) -> Result<Expected, String> {
             _ => return Err("an exception code is one byte".to_owned()),
         },
         ["the", "answer", "of", "unit", unit] => Expected::OfUnit(number(unit)?),
+        ["its", "own", "answer"] => Expected::Own,
         ["fresh", "values"] => Expected::Fresh,
         ["a", "damaged", "frame"] => Expected::Damaged,
+        ["an", "answer"] => Expected::Any,
         _ => Expected::Pdu(bytes(words)?),
     })
 }

@@ -2,58 +2,13 @@
 
 use std::iter::from_fn;
 
-use mobgate::scanner::{ByteOrder, Form, Full, Request, VALUE_BYTES_MAX};
+use mobgate::scanner::{Full, Request, VALUE_BYTES_MAX};
 
 use super::{
-    START, add, answer, answered, at, bit_of, checked_scanner, device, exchange, lose, manual, requests, row,
+    START, add, answer, answered, at, bit_of, checked_scanner, device, exchange, manual, requests, row,
     scanner, scanner_with,
 };
 use crate::prelude::*;
-
-#[test]
-fn neighbours_are_one_frame_and_a_hole_makes_two() {
-    for (second, frames) in [(1, 1), (2, 2)] {
-        let (mut scanner, device, _) = scanner_with(|device| row(device, Kind::Holding, 0, 1));
-        add(&mut scanner, row(device, Kind::Holding, second, 1));
-        assert_eq!(requests(&mut scanner, 0).len(), frames);
-    }
-}
-
-#[test]
-fn a_frame_is_as_long_as_it_may_be_and_rows_join_it_from_both_sides() {
-    for (kind, most) in [(Kind::Holding, 125), (Kind::Coil, 2_000)] {
-        for (more, frames) in [(0, 1), (1, 2)] {
-            let (mut scanner, device, _) = scanner_with(|device| row(device, kind, 0, 50));
-            add(&mut scanner, row(device, kind, 50, most - 50 + more));
-            assert_eq!(requests(&mut scanner, 0).len(), frames, "{most} {more}");
-        }
-    }
-    for (first, second) in [(0, 1), (1, 0)] {
-        let (mut scanner, device) = scanner();
-        let ids = [0, 1].map(|at| add(&mut scanner, manual(device, Kind::Holding, at, 1)));
-        scanner.read(ids[first], START).unwrap();
-        scanner.read(ids[second], START).unwrap();
-        assert_eq!(requests(&mut scanner, 0), [[3, 0, 0, 0, 2]]);
-    }
-}
-
-#[test]
-fn rows_that_begin_at_one_address_are_one_frame() {
-    let (mut scanner, device) = scanner();
-    for count in [2, 4] {
-        add(&mut scanner, row(device, Kind::Holding, 7, count));
-    }
-    assert_eq!(requests(&mut scanner, 0), [[3, 0, 7, 0, 4]]);
-}
-
-#[test]
-fn what_is_to_be_written_does_not_wait_for_the_check_before_a_poll() {
-    let (mut scanner, checked) = checked_scanner();
-    let id = add(&mut scanner, row(checked, Kind::Holding, 0, 1));
-    scanner.put(id, 0, 1, &[0, 1], START).unwrap();
-    let functions: Vec<u8> = requests(&mut scanner, 0).iter().map(|pdu| pdu[0]).collect();
-    assert_eq!(functions, [6, 8, 3]);
-}
 
 #[test]
 fn devices_take_turns() {
@@ -65,53 +20,6 @@ fn devices_take_turns() {
     }
     let units: Vec<u8> = from_fn(|| exchange(&mut scanner, at(0))).map(|request| request.unit).collect();
     assert_eq!(units, [5, 6, 5, 6]);
-}
-
-#[test]
-fn what_changes_while_a_frame_is_repeated_does_not_change_the_frame() {
-    let (mut scanner, device, _) = scanner_with(|device| row(device, Kind::Input, 0, 1));
-    let asked = lose(&mut scanner, at(0)).unwrap();
-    let neighbour = add(&mut scanner, manual(device, Kind::Input, 1, 1));
-    scanner.read(neighbour, at(0)).unwrap();
-    assert_eq!(exchange(&mut scanner, at(0)), Some(asked));
-    assert_eq!(requests(&mut scanner, 0), [[4, 0, 1, 0, 1]]);
-}
-
-#[test]
-fn a_value_that_is_set_while_the_one_before_is_written_is_written_once() {
-    let (mut scanner, device, id) = scanner_with(|device| manual(device, Kind::Holding, 0, 1));
-    // Whether the first one got a response.
-    for answered in [true, false] {
-        scanner.put(id, 0, 1, &[0, 1], START).unwrap();
-        let request = scanner.next(at(0)).unwrap();
-        scanner.put(id, 0, 1, &[0, 2], START).unwrap();
-        let outcome = if answered { Ok(&request.pdu[..]) } else { Err(ErrorCode::Timeout) };
-        scanner.answered(device, at(0), outcome);
-        assert_eq!(requests(&mut scanner, 0), [[6, 0, 0, 0, 2]]);
-    }
-}
-
-#[test]
-fn a_read_that_failed_is_no_reason_to_write_what_has_not_changed() {
-    let (mut scanner, device) = scanner();
-    let id = add(&mut scanner, Row { write: Writing::OnChange, ..row(device, Kind::Holding, 0, 1) });
-    assert_eq!(requests(&mut scanner, 0).len(), 1);
-    answered(&mut scanner, at(1_000), &[0x83, 2]);
-    let value = scanner.input(id).to_vec();
-    scanner.put(id, 0, 1, &value, at(1_000)).unwrap();
-    assert_eq!(scanner.next(at(1_000)), None);
-    scanner.put(id, 0, 1, &[9, 9], at(1_000)).unwrap();
-    assert_eq!(requests(&mut scanner, 1_000), [[6, 0, 0, 9, 9]]);
-}
-
-#[test]
-fn coils_that_are_written_on_change_are_written_when_one_of_them_changes() {
-    let (mut scanner, device) = scanner();
-    let id = add(&mut scanner, Row { write: Writing::OnChange, ..manual(device, Kind::Coil, 0, 4) });
-    for (coils, writes) in [(0b0000, 0), (0b0100, 1), (0b0100, 0), (0b0101, 1), (0b0000, 1)] {
-        scanner.put(id, 0, 4, &[coils], START).unwrap();
-        assert_eq!(requests(&mut scanner, 0).len(), writes, "{coils:04b}");
-    }
 }
 
 #[test]
@@ -156,64 +64,6 @@ fn what_is_late_is_due_again_at_the_next_point_of_its_raster() {
 }
 
 #[test]
-fn the_two_examples_of_the_note_take_six_frames_and_two() {
-    let (mut apart, _) = scanner();
-    for unit in [1, 2, 3] {
-        let device = apart.add_device(device(unit)).unwrap();
-        add(&mut apart, row(device, Kind::Holding, 0, 8));
-        add(&mut apart, row(device, Kind::Coil, 0, 18));
-    }
-    assert_eq!(requests(&mut apart, 0).len(), 6);
-    let (mut together, device) = scanner();
-    for station in 0..3 {
-        add(&mut together, row(device, Kind::Holding, 8 * station, 8));
-        add(&mut together, row(device, Kind::Coil, 24 * station, 24));
-    }
-    assert_eq!(requests(&mut together, 0), [[1, 0, 0, 0, 72], [3, 0, 0, 0, 24]]);
-}
-
-#[test]
-fn a_device_is_polled_in_the_order_of_functions_1_2_4_3() {
-    let (mut scanner, device) = scanner();
-    for kind in [Kind::Holding, Kind::Discrete, Kind::Input, Kind::Coil] {
-        add(&mut scanner, row(device, kind, 0, 4));
-    }
-    let functions: Vec<u8> = requests(&mut scanner, 0).iter().map(|pdu| pdu[0]).collect();
-    assert_eq!(functions, [1, 2, 4, 3]);
-}
-
-#[test]
-fn single_cells_are_written_by_functions_5_and_6_each_alone_and_gathered_by_15_and_16() {
-    for (multiple, expected) in [(false, vec![5, 5, 6, 6]), (true, vec![15, 16])] {
-        let (mut scanner, device) = scanner();
-        let mut ids = Vec::new();
-        for (kind, first) in [(Kind::Coil, 3), (Kind::Coil, 4), (Kind::Holding, 7), (Kind::Holding, 8)] {
-            ids.push(add(&mut scanner, Row { multiple, ..manual(device, kind, first, 1) }));
-        }
-        for (id, value) in ids.into_iter().zip([[1, 1], [0, 0], [1, 1], [1, 1]]) {
-            scanner.put(id, 0, 1, &value, START).unwrap();
-        }
-        let frames = requests(&mut scanner, 0);
-        assert_eq!(frames.iter().map(|pdu| pdu[0]).collect::<Vec<_>>(), expected);
-        match multiple {
-            false => assert_eq!(frames[..2], [[5, 0, 3, 0xff, 0], [5, 0, 4, 0, 0]]),
-            true => assert_eq!(frames, [vec![15, 0, 3, 0, 2, 1, 1], vec![16, 0, 7, 0, 2, 4, 1, 1, 1, 1]]),
-        }
-    }
-}
-
-#[test]
-fn a_cell_that_is_written_by_function_6_is_not_written_along_with_its_neighbours() {
-    let (mut scanner, device) = scanner();
-    for (first, count) in [(0, 2), (2, 1), (3, 2)] {
-        let id = add(&mut scanner, manual(device, Kind::Holding, first, count));
-        scanner.put(id, 0, count, &[0, 1, 0, 1][..2 * usize::from(count)], START).unwrap();
-    }
-    let frames = requests(&mut scanner, 0);
-    assert_eq!(frames.iter().map(|pdu| (pdu[0], pdu[2])).collect::<Vec<_>>(), [(16, 0), (6, 2), (16, 3)]);
-}
-
-#[test]
 fn a_row_that_is_late_by_a_whole_period_is_read_once() {
     let (mut scanner, _, _) = scanner_with(|device| row(device, Kind::Holding, 0, 1));
     assert_eq!([0, 2_000].map(|ms| requests(&mut scanner, ms).len()), [1, 1]);
@@ -229,64 +79,6 @@ fn a_row_that_is_never_written_or_has_no_device_refuses_to_be_written() {
     assert_eq!(scanner.write(local), Err(Refused::NoDevice));
     assert_eq!(scanner.begin(local, START), Err(Refused::NoDevice));
     assert_eq!(requests(&mut scanner, 0), [[3, 0, 0, 0, 1]]);
-}
-
-#[test]
-fn a_row_in_a_safe_write_is_not_written_along_with_its_neighbour_nor_read_along() {
-    let (mut scanner, device) = scanner();
-    let [below, blocked, above] =
-        [0, 2, 4].map(|first| add(&mut scanner, manual(device, Kind::Holding, first, 2)));
-    // It was marked before the safe write began, and keeps that mark: half of the new values must not go.
-    for id in [below, blocked, above] {
-        scanner.put(id, 0, 2, &[0, 1, 0, 1], START).unwrap();
-    }
-    scanner.begin(blocked, START).unwrap();
-    scanner.put(blocked, 0, 1, &[0, 7], START).unwrap();
-    assert_eq!(requests(&mut scanner, 0), [[16, 0, 0, 0, 2, 4, 0, 1, 0, 1], [16, 0, 4, 0, 2, 4, 0, 1, 0, 1]]);
-    scanner.put(blocked, 1, 1, &[0, 8], START).unwrap();
-    scanner.finish(blocked).unwrap();
-    assert_eq!(requests(&mut scanner, 1), [[16, 0, 2, 0, 2, 4, 0, 7, 0, 8]]);
-    for id in [below, blocked, above] {
-        scanner.read(id, at(2)).unwrap();
-    }
-    scanner.begin(blocked, START).unwrap();
-    assert_eq!(requests(&mut scanner, 2), [[3, 0, 0, 0, 2], [3, 0, 4, 0, 2]]);
-}
-
-#[test]
-fn writes_that_overlap_go_one_after_the_other_in_their_order() {
-    for first in [true, false] {
-        let (mut scanner, device) = scanner();
-        let [low, high] = [0, 2].map(|first| add(&mut scanner, manual(device, Kind::Holding, first, 4)));
-        let mut put =
-            |id, value| scanner.put(id, 0, 4, &[0, value, 0, value, 0, value, 0, value], START).unwrap();
-        let (ids, addresses) = if first { ([low, high], [0, 2]) } else { ([high, low], [2, 0]) };
-        put(ids[0], 1);
-        put(ids[1], 2);
-        let frames = requests(&mut scanner, 0);
-        assert_eq!(frames.len(), 2, "what was written last must be what stays");
-        for (frame, (address, value)) in frames.iter().zip(addresses.into_iter().zip(1..)) {
-            assert_eq!(*frame, [16, 0, address, 0, 4, 8, 0, value, 0, value, 0, value, 0, value]);
-        }
-    }
-}
-
-#[test]
-fn bits_behind_the_last_coil_that_is_written_are_zero() {
-    let (mut scanner, _, id) = scanner_with(|device| manual(device, Kind::Coil, 0, 3));
-    scanner.put(id, 0, 3, &[0b101], START).unwrap();
-    assert_eq!(requests(&mut scanner, 0), [[15, 0, 0, 0, 3, 1, 0b101]]);
-}
-
-#[test]
-fn coils_of_several_rows_go_out_in_one_frame_each_at_its_place() {
-    let (mut scanner, device) = scanner();
-    for (first, count, coils) in [(0, 3, 0b101), (3, 7, 0b110_0101), (10, 1, 1)] {
-        let row = Row { multiple: true, ..manual(device, Kind::Coil, first, count) };
-        let id = add(&mut scanner, row);
-        scanner.put(id, 0, count, &[coils], START).unwrap();
-    }
-    assert_eq!(requests(&mut scanner, 0), [[15, 0, 0, 0, 11, 2, 0b0010_1101, 0b111]]);
 }
 
 #[test]
@@ -308,19 +100,6 @@ fn after_a_restart_the_whole_memory_can_be_had_again() {
         assert_eq!(scanner.allocate(VALUE_BYTES_MAX as u16), Ok(0));
         assert_eq!(scanner.allocate(1), Err(Full::Values));
     }
-}
-
-#[test]
-fn writes_go_before_reads_and_in_their_order() {
-    let (mut scanner, device, first) = scanner_with(|device| row(device, Kind::Holding, 0, 1));
-    let second = add(&mut scanner, row(device, Kind::Holding, 10, 1));
-    scanner.put(second, 0, 1, &[0, 3], START).unwrap();
-    scanner.put(first, 0, 1, &[0, 1], START).unwrap();
-    // It keeps its turn.
-    scanner.put(second, 0, 1, &[0, 2], START).unwrap();
-    let frames = requests(&mut scanner, 0);
-    assert_eq!(frames[..2], [[6, 0, 10, 0, 2], [6, 0, 0, 0, 1]]);
-    assert_eq!(frames.len(), 4);
 }
 
 #[test]
@@ -366,21 +145,6 @@ fn a_device_that_is_slower_than_its_periods_is_asked_all_the_time_and_every_row_
 }
 
 #[test]
-fn marking_by_function_reads_or_writes_what_is_in_the_range() {
-    let (mut scanner, device) = scanner();
-    for first in [0, 10, 20] {
-        add(&mut scanner, Row { write: Writing::Manual, ..manual(device, Kind::Holding, first, 2) });
-    }
-    add(&mut scanner, manual(device, Kind::Input, 10, 2));
-    assert_eq!(scanner.mark_range(device, 3, 11, 20, START), Ok(2));
-    assert_eq!(requests(&mut scanner, 0), [[3, 0, 10, 0, 2], [3, 0, 20, 0, 2]]);
-    assert_eq!(scanner.mark_range(device, 16, 0, 1, START), Ok(1));
-    assert_eq!(requests(&mut scanner, 0), [[16, 0, 0, 0, 2, 4, 0, 0, 0, 0]]);
-    assert!(scanner.mark_range(device, 3, 5, 9, START).is_err());
-    assert!(scanner.mark_range(device, 7, 0, 99, START).is_err());
-}
-
-#[test]
 fn outputs_of_an_image_are_written_when_they_differ_from_what_was_read_back() {
     let (mut scanner, device) = scanner();
     let (input, output) = (scanner.allocate(8).unwrap(), scanner.allocate(8).unwrap());
@@ -421,26 +185,6 @@ fn every_output_bit_counts_and_what_stands_behind_the_last_one_does_not() {
 }
 
 #[test]
-fn a_check_goes_before_every_poll_and_a_device_that_fails_it_is_left_out() {
-    let (mut scanner, checked) = checked_scanner();
-    add(&mut scanner, row(checked, Kind::Input, 0, 1));
-    add(&mut scanner, row(checked, Kind::Coil, 0, 1));
-    let functions = |frames: Vec<Vec<u8>>| frames.iter().map(|pdu| pdu[0]).collect::<Vec<_>>();
-    assert_eq!(functions(requests(&mut scanner, 0)), [8, 1, 4]);
-    assert_eq!(functions(requests(&mut scanner, 1_000)), [8, 1, 4]);
-    // It does not know function 8: not normal, though it answers.
-    answered(&mut scanner, at(2_000), &[0x88, 1]);
-    assert_eq!(scanner.next(at(2_000)), None);
-    let status = scanner.device_status(checked, at(2_000)).unwrap();
-    assert_eq!((status.alive, status.exception), (Some(false), 1));
-    for _ in 0..3 {
-        assert_eq!(lose(&mut scanner, at(3_000)).unwrap().pdu[0], 8);
-    }
-    assert_eq!(scanner.next(at(3_000)), None);
-    assert_eq!(functions(requests(&mut scanner, 18_000)), [8, 1, 4]);
-}
-
-#[test]
 fn on_a_line_that_is_slower_than_the_polling_a_device_is_still_checked_once_before_a_poll() {
     let (mut scanner, device) = checked_scanner();
     for kind in Kind::ALL {
@@ -451,28 +195,6 @@ fn on_a_line_that_is_slower_than_the_polling_a_device_is_still_checked_once_befo
         (0..500).filter_map(|nth| Some(exchange(&mut scanner, at(10 * nth))?.pdu[0])).collect();
     let polls: Vec<&[u8]> = functions.chunks(5).collect();
     assert_eq!(polls, vec![[8, 1, 2, 4, 3]; 100], "a check, then all of the device");
-}
-
-#[test]
-fn values_of_32_bits_are_turned_from_the_devices_order_and_back() {
-    for (order, bytes) in [
-        (ByteOrder::Order0123, [1, 2, 3, 4]),
-        (ByteOrder::Order2301, [3, 4, 1, 2]),
-        (ByteOrder::Order1032, [2, 1, 4, 3]),
-        (ByteOrder::Order3210, [4, 3, 2, 1]),
-    ] {
-        let (mut scanner, _) = scanner();
-        let id = scanner.add_device(super::Device { order, ..device(7) }).unwrap();
-        let wide = add(&mut scanner, Row { form: Form::Wide, ..row(id, Kind::Holding, 0, 2) });
-        let plain = add(&mut scanner, row(id, Kind::Holding, 2, 2));
-        answered(&mut scanner, at(0), &[&[3, 8][..], &bytes, &[1, 2, 3, 4]].concat());
-        assert_eq!(scanner.input(wide), [1, 2, 3, 4]);
-        assert_eq!(scanner.input(plain), [1, 2, 3, 4]);
-        for (row, written) in [(wide, bytes), (plain, [1, 2, 3, 4])] {
-            scanner.put(row, 0, 2, &[1, 2, 3, 4], at(0)).unwrap();
-            assert_eq!(exchange(&mut scanner, at(0)).unwrap().pdu[6..], written);
-        }
-    }
 }
 
 /// The frames of rows that do not overlap, all of one table and due at once: sorted by address, each frame as long as rows

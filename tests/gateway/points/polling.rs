@@ -74,44 +74,6 @@ fn attempts_reach_a_silent_device_15_17_to_30_seconds_after_the_last_one_failed_
 }
 
 #[test]
-fn many_stations_behind_tcp_have_a_connection_each_and_a_broken_one_backs_off_alone() {
-    const STATIONS: u8 = 12;
-    let mut settings = "port scan scanner\n".to_owned();
-    for n in 1..=STATIONS {
-        settings += &format!("port plc{n} tcp client 10.0.1.{n}:502 connect-timeout 500ms timeout 300ms\n");
-        settings += &format!("route scan {n} * * plc{n}\ndevice d{n} unit {n}\n");
-        settings += &format!("point p{n} d{n} holding 0 count 4 read high\n");
-    }
-    with_gateway(1, &settings, |world, rig| {
-        // The third is not there, the fourth does not answer.
-        for n in (1..=STATIONS).filter(|n| *n != 3) {
-            let device = if n == 4 { Device::new(n).with_faults(silence()) } else { Device::new(n) };
-            rig.attach_tcp(world, &format!("10.0.1.{n}:502"), [device]);
-        }
-        // They were not there when the gateway started.
-        world.run_for(20 * SECOND);
-        let of =
-            |n: u8| scanner(rig, |scanner| scanner.device_status(DeviceId(n - 1), Instant::now())).unwrap();
-        let before: Vec<_> = (1..=STATIONS).map(of).collect();
-        world.run_for(10 * SECOND);
-        let now = Instant::now();
-        for (n, before) in (1..=STATIONS).zip(before) {
-            let status = scanner(rig, |scanner| scanner.status(RowId(n - 1), now));
-            let device = of(n);
-            match n {
-                3 => assert_eq!(status.error(), Some(ErrorCode::Connection)),
-                4 => assert_eq!(status.error(), Some(ErrorCode::Timeout)),
-                _ => {
-                    assert_eq!(device.failures, before.failures);
-                    assert_eq!(device.responses, before.responses + 50);
-                }
-            }
-        }
-        assert_eq!(rig.counted("scan", Event::BackPressure), 0);
-    });
-}
-
-#[test]
 fn a_polled_point_stays_fresh_while_a_client_floods_its_line() {
     let settings = "port bus serial uart1 rtu client 19200 8E1
         port P502 tcp server 502
@@ -231,19 +193,23 @@ fn an_attempt_at_a_server_that_was_not_there_connects_anew_at_that_moment() {
         route P502 5 * * plc
         device plc unit 5
         point a plc holding 0 read high";
-    with_gateway(1, settings, |world, rig| {
-        world.run_for(14 * SECOND);
-        let made = rig.network.counters().made;
-        rig.attach_tcp(world, "10.0.1.1:502", [Device::new(5)]);
-        let status = || scanner(rig, |scanner| scanner.device_status(DeviceId(0), Instant::now())).unwrap();
-        assert_eq!((status().failures, made), (3, 0));
-        // Others are told at once that there is no way.
-        let mut client = rig.client(machine(1), 502);
-        assert_eq!(world.run_until(client.request(5, &[3, 0, 0, 0, 1])).exception(), Some(10));
-        // The scan after 15 s.
-        world.run_for(1_300 * MS);
-        assert_eq!((status().alive, status().failures), (Some(true), 3));
-    });
+    // The port's own attempts come when they come: some are under way when the scanner asks.
+    for seed in 1..=20 {
+        with_gateway(seed, settings, |world, rig| {
+            world.run_for(14 * SECOND);
+            let made = rig.network.counters().made;
+            rig.attach_tcp(world, "10.0.1.1:502", [Device::new(5)]);
+            let status =
+                || scanner(rig, |scanner| scanner.device_status(DeviceId(0), Instant::now())).unwrap();
+            assert_eq!((status().failures, made), (3, 0));
+            // Others are told at once that there is no way.
+            let mut client = rig.client(machine(1), 502);
+            assert_eq!(world.run_until(client.request(5, &[3, 0, 0, 0, 1])).exception(), Some(10));
+            // The scan after 15 s.
+            world.run_for(1_300 * MS);
+            assert_eq!((status().alive, status().failures), (Some(true), 3), "seed {seed}");
+        });
+    }
 }
 
 #[test]

@@ -3,8 +3,7 @@
 use mobgate::scanner::ABANDONED_AFTER;
 
 use super::{
-    DeviceId, START, add, answer, answered, at, checked_scanner, device, exchange, lose, lose_all, row,
-    scanner, scanner_with,
+    DeviceId, START, add, answer, answered, at, device, exchange, lose_all, row, scanner, scanner_with,
 };
 use crate::prelude::*;
 
@@ -35,89 +34,6 @@ fn command(scanner: &Scanner, id: RowId) -> (u8, u8) {
 }
 
 #[test]
-fn a_command_is_under_way_and_then_done() {
-    for (operation, function) in [(READ, 3), (WRITE, 16)] {
-        let (mut scanner, device, id) = scanner_with(|device| manual(device, 0, 2));
-        assert_eq!(command(&scanner, id), (0, 0), "there was none");
-        scanner.start(id, by(7, operation), at(0)).unwrap();
-        assert_eq!(command(&scanner, id), (7, UNDER_WAY));
-        let request = scanner.next(at(0)).unwrap();
-        assert_eq!(request.pdu[0], function);
-        assert_eq!(command(&scanner, id), (7, UNDER_WAY));
-        scanner.answered(device, at(1), Ok(&answer(&request)));
-        assert_eq!(command(&scanner, id), (7, DONE));
-    }
-}
-
-#[test]
-fn what_was_asked_before_the_command_does_not_end_it() {
-    let (mut scanner, device) = scanner();
-    let id = add(&mut scanner, Row { read: Reading::Every(1), ..manual(device, 0, 1) });
-    // The device is slower than it is polled: it is due again with every response.
-    let request = scanner.next(at(0)).unwrap();
-    scanner.start(id, by(1, READ), at(5)).unwrap();
-    scanner.answered(device, at(10), Ok(&answer(&request)));
-    assert_eq!(command(&scanner, id), (1, UNDER_WAY), "that is older than the command");
-    let request = scanner.next(at(10)).unwrap();
-    scanner.start(id, by(1, WRITE), at(15)).unwrap();
-    scanner.answered(device, at(20), Ok(&answer(&request)));
-    assert_eq!(command(&scanner, id), (1, UNDER_WAY), "that was a read");
-    assert_eq!(exchange(&mut scanner, at(20)).unwrap().pdu[0], 6);
-    assert_eq!(command(&scanner, id), (1, DONE));
-    scanner.start(id, by(1, READ), at(25)).unwrap();
-    assert_eq!(exchange(&mut scanner, at(30)).unwrap().pdu[0], 3);
-    assert_eq!(command(&scanner, id), (1, DONE));
-}
-
-#[test]
-fn a_value_that_is_commanded_while_the_one_before_is_sent_is_done_when_it_was_sent() {
-    let (mut scanner, device, id) = scanner_with(|device| manual(device, 0, 1));
-    scanner.start(id, by(1, WRITE), at(0)).unwrap();
-    let request = scanner.next(at(0)).unwrap();
-    scanner.put(id, 0, 1, &[0, 9], at(1)).unwrap();
-    scanner.start(id, by(1, WRITE), at(1)).unwrap();
-    scanner.answered(device, at(2), Ok(&answer(&request)));
-    assert_eq!(command(&scanner, id), (1, UNDER_WAY));
-    assert_eq!(exchange(&mut scanner, at(2)).unwrap().pdu, [6, 0, 0, 0, 9]);
-    assert_eq!(command(&scanner, id), (1, DONE));
-}
-
-#[test]
-fn a_command_fails_with_the_rows_status() {
-    let (mut scanner, device, id) = scanner_with(|device| manual(device, 0, 1));
-    let other = add(&mut scanner, manual(device, 10, 1));
-    scanner.start(id, by(1, READ), at(0)).unwrap();
-    answered(&mut scanner, at(0), &[0x83, 2]);
-    assert_eq!(command(&scanner, id), (1, FAILED));
-    assert_eq!(scanner.status(id, at(1)).error(), Some(ErrorCode::Address));
-    // Commands that wait for a device that is left alone fail, too; a write is still sent when it is tried again.
-    scanner.start(id, by(1, WRITE), at(2)).unwrap();
-    scanner.start(other, by(2, READ), at(2)).unwrap();
-    for _ in 0..3 {
-        assert_eq!(command(&scanner, id), (1, UNDER_WAY));
-        lose(&mut scanner, at(2)).unwrap();
-    }
-    assert_eq!((command(&scanner, id), command(&scanner, other)), ((1, FAILED), (2, FAILED)));
-    assert_eq!(scanner.status(id, at(2)).error(), Some(ErrorCode::Timeout));
-    for operation in [READ, WRITE] {
-        scanner.start(other, by(3, operation), at(3)).unwrap();
-        assert_eq!(command(&scanner, other), (3, FAILED), "at once");
-    }
-    assert!(scanner.status(other, at(3)).any(Status::BACKING_OFF));
-    assert_eq!(exchange(&mut scanner, at(15_002)).unwrap().pdu[0], 6);
-}
-
-#[test]
-fn a_device_that_fails_its_check_fails_the_commands_that_wait_for_its_poll() {
-    let (mut scanner, checked) = checked_scanner();
-    let id = add(&mut scanner, Row { read: Reading::Normal, ..manual(checked, 0, 1) });
-    assert_eq!(scanner.next(at(0)).unwrap().pdu[0], 8);
-    scanner.start(id, by(1, READ), at(0)).unwrap();
-    scanner.answered(checked, at(1), Ok(&[0x88, 1]));
-    assert_eq!(command(&scanner, id), (1, FAILED));
-}
-
-#[test]
 fn while_a_command_is_under_way_others_are_refused_and_see_whose_it_is() {
     let (mut scanner, _, id) = scanner_with(|device| manual(device, 0, 1));
     scanner.start(id, by(1, READ), at(0)).unwrap();
@@ -132,43 +48,6 @@ fn while_a_command_is_under_way_others_are_refused_and_see_whose_it_is() {
     assert_eq!(command(&scanner, id), (1, DONE));
     scanner.start(id, by(2, READ), at(1)).unwrap();
     assert_eq!(command(&scanner, id), (2, UNDER_WAY));
-}
-
-#[test]
-fn a_safe_write_is_its_requesters_until_it_is_finished() {
-    let (mut scanner, device, id) = scanner_with(|device| manual(device, 0, 2));
-    let beside = add(&mut scanner, manual(device, 2, 1));
-    scanner.start(id, by(1, BEGIN), at(0)).unwrap();
-    assert_eq!(command(&scanner, id), (1, BEGUN));
-    scanner.put(id, 0, 1, &[0, 7], at(1)).unwrap();
-    assert_eq!(scanner.start(id, by(2, FINISH), at(2)), Err(Refused::Taken));
-    assert_eq!(scanner.start(id, by(1, WRITE), at(2)), Err(Refused::Blocked));
-    // What it blocks is not written along with its neighbours, nor by their range.
-    assert_eq!(scanner.start_range([by(1, 0), 16, 0, 3], at(2)), Err(Refused::Taken));
-    scanner.start(beside, by(2, WRITE), at(2)).unwrap();
-    assert_eq!(exchange(&mut scanner, at(2)).unwrap().pdu, [6, 0, 2, 0, 0]);
-    assert_eq!(scanner.next(at(2)), None);
-    scanner.put(id, 1, 1, &[0, 8], at(3)).unwrap();
-    scanner.start(id, by(1, BEGIN), at(3)).unwrap();
-    scanner.start(id, by(1, FINISH), at(4)).unwrap();
-    assert_eq!(command(&scanner, id), (1, UNDER_WAY));
-    assert_eq!(exchange(&mut scanner, at(4)).unwrap().pdu, [16, 0, 0, 0, 2, 4, 0, 7, 0, 8]);
-    assert_eq!(command(&scanner, id), (1, DONE));
-    assert_eq!(scanner.start(id, by(1, FINISH), at(5)), Err(Refused::NotBlocked));
-}
-
-#[test]
-fn a_safe_write_of_the_console_is_not_a_programs_to_finish_but_that_of_a_program_is_the_consoles() {
-    let (mut scanner, _, id) = scanner_with(|device| manual(device, 0, 1));
-    scanner.begin(id, at(0)).unwrap();
-    assert_eq!(scanner.start(id, by(0, FINISH), at(0)), Err(Refused::Blocked));
-    scanner.finish(id).unwrap();
-    exchange(&mut scanner, at(0)).unwrap();
-    scanner.start(id, by(1, BEGIN), at(1)).unwrap();
-    scanner.finish(id).unwrap();
-    assert_eq!(command(&scanner, id), (1, UNDER_WAY));
-    exchange(&mut scanner, at(1)).unwrap();
-    assert_eq!(command(&scanner, id), (1, DONE));
 }
 
 #[test]
@@ -270,25 +149,6 @@ fn what_is_no_command_is_refused_and_changes_nothing() {
     exchange(&mut scanner, at(0)).unwrap();
     scanner.start(shown, by(3, READ), at(0)).unwrap();
     assert_eq!((command(&scanner, shown), command(&scanner, id)), ((3, UNDER_WAY), (3, UNDER_WAY)));
-}
-
-#[test]
-fn masters_write_the_variable_of_a_manual_row_when_nothing_overwrites_it() {
-    let (mut scanner, device) = scanner();
-    let polled = add(&mut scanner, Row { read: Reading::Normal, ..manual(device, 0, 1) });
-    let quiet = add(&mut scanner, manual(device, 10, 1));
-    for (first, of) in [(100, polled), (101, quiet)] {
-        add(&mut scanner, Row { device: None, of: Some(of), ..manual(device, first, 1) });
-    }
-    assert!(scanner.serve(&[6, 0, 100, 0, 1], at(0)).is_err(), "the next read would");
-    scanner.serve(&[6, 0, 101, 0, 1], at(0)).unwrap();
-    scanner.start(polled, by(1, BEGIN), at(0)).unwrap();
-    scanner.serve(&[6, 0, 100, 0, 2], at(0)).unwrap();
-    scanner.start(polled, by(1, FINISH), at(0)).unwrap();
-    scanner.start(quiet, by(1, WRITE), at(0)).unwrap();
-    let sent = [exchange(&mut scanner, at(0)), exchange(&mut scanner, at(0))].map(|sent| sent.unwrap().pdu);
-    assert_eq!(sent, [[6, 0, 0, 0, 2], [6, 0, 10, 0, 1]]);
-    assert!(scanner.serve(&[6, 0, 100, 0, 1], at(0)).is_err());
 }
 
 proptest! {

@@ -117,38 +117,6 @@ fn the_longest_read_is_answered_and_what_no_answer_holds_is_refused() {
 }
 
 #[test]
-fn status_and_age_stand_side_by_side_in_input_registers_alone() {
-    let (mut scanner, device) = scanner();
-    assert!(!scanner.serves());
-    let polled = add(&mut scanner, row(device, Kind::Holding, 0, 2));
-    assert!(!scanner.serves(), "a device's row is no client's");
-    let shown = Row { device: None, of: Some(polled), quality: Some(10), ..row(device, Kind::Input, 8, 2) };
-    scanner.add_row(shown, START).unwrap();
-    add(&mut scanner, Row { device: None, quality: Some(12), ..row(device, Kind::Holding, 10, 2) });
-    assert!(scanner.serves());
-    let read = |scanner: &mut Scanner, function, first, count, ms| {
-        scanner.serve(&[function, 0, first, 0, count], at(ms)).map(|pdu| pdu[2..].to_vec())
-    };
-    assert_eq!(read(&mut scanner, 4, 8, 4, 0), Ok(vec![0, 0, 0, 0, 0, 0, 0xff, 0xff]), "never read");
-    exchange(&mut scanner, at(0)).unwrap();
-    let ok = Status::LAST_OK.bits() as u8;
-    for (ms, tenths) in [(0, 0), (99, 0), (100, 1), (25_699, 256), (6_553_499, 65_534), (9_999_999, 65_535)] {
-        let [high, low] = u16::to_be_bytes(tenths);
-        assert_eq!(read(&mut scanner, 4, 10, 2, ms), Ok(vec![0, ok, high, low]), "{ms}");
-        assert_eq!(read(&mut scanner, 4, 9, 3, ms), Ok(vec![0, 1, 0, ok, high, low]), "{ms}");
-        assert_eq!(read(&mut scanner, 4, 11, 1, ms), Ok(vec![high, low]), "{ms}");
-    }
-    assert_eq!(read(&mut scanner, 4, 12, 2, 0), Ok(vec![0, 0, 0xff, 0xff]), "those of the other row");
-    assert_eq!(read(&mut scanner, 4, 14, 1, 0), Err(Exception::ILLEGAL_ADDRESS));
-    assert_eq!(read(&mut scanner, 4, 7, 1, 0), Err(Exception::ILLEGAL_ADDRESS));
-    assert_eq!(read(&mut scanner, 3, 10, 2, 0), Ok(vec![0; 4]), "in the other tables they are no registers");
-    // What the gateway itself holds is as old as its last write.
-    scanner.serve(&[6, 0, 11, 0, 7], at(1_000)).unwrap();
-    assert_eq!(read(&mut scanner, 4, 13, 1, 1_500), Ok(vec![0, 5]));
-    assert_eq!(read(&mut scanner, 3, 10, 2, 0), Ok(vec![0, 0, 0, 7]));
-}
-
-#[test]
 fn clients_write_a_devices_variable_where_it_goes_on_by_itself() {
     for (write, open) in
         [(Writing::Never, false), (Writing::Manual, false), (Writing::Auto, true), (Writing::OnChange, true)]

@@ -9,7 +9,7 @@ use mobgate_simulator::{Random, World, console, fault::babble};
 
 use super::Stage;
 use crate::faults::faults;
-use crate::step::{OfUnit, OfWire, Step};
+use crate::step::{OfServer, OfUnit, OfWire, Step};
 
 /// Time for the gateway to take note of something that has just been done to it.
 const MOMENT: Duration = Duration::from_millis(1);
@@ -31,20 +31,36 @@ impl Stage<'_, '_, '_> {
                 }
                 world.run_for(MOMENT);
             }
-            Step::Shows { command, phrase } => {
+            Step::Shows { command, phrases, not } => {
                 let shown = world.run_until(console::typed(self.rig.gateway, command));
-                if !shown.split_whitespace().collect::<Vec<_>>().join(" ").contains(phrase.as_str()) {
+                if has(&shown, phrases) == *not {
                     return Err(format!("it shows\n{shown}"));
                 }
             }
-            Step::Times(count, step) => return (0..*count).try_for_each(|_| self.act(world, step)),
+            Step::Times(count, steps) => {
+                return (0..*count).try_for_each(|_| steps.iter().try_for_each(|step| self.act(world, step)));
+            }
             Step::Counted { port, count, event } => {
                 return equal("the counter", self.rig.counted(port, *event), *count);
             }
+            Step::LastError { port, error } => {
+                let id = self.rig.gateway.settings(|settings| settings.find(port));
+                let id = id.ok_or("there is no such port")?;
+                let last = self.rig.gateway.ports()[id.index()].stats.last_error();
+                return equal("the last error", last.name(), error);
+            }
             Step::Crowd { count, port } => return self.crowd(world, *count, *port),
             Step::Unit { unit, device, what } => return self.unit(device, *unit, what),
-            Step::Server { address, reachable } => {
-                self.rig.network.set_unreachable(*address, !reachable);
+            Step::Server { address, what: OfServer::Unreachable(unreachable) } => {
+                self.rig.network.set_unreachable(*address, *unreachable);
+            }
+            Step::Server { address, what: OfServer::Listens } => return self.listen(world, *address),
+            Step::Name { name, address } => self.rig.network.set_name(name, Some(*address)),
+            Step::Made(count) => {
+                return equal("connections made", self.rig.network.counters().made, *count);
+            }
+            Step::SocketsUsed(count) => {
+                return equal("sockets used", self.rig.network.counters().sockets_most, *count);
             }
             Step::Wire { device, what } => return self.wire(world, device, what),
             Step::Point { name, what } => return self.point(name, what),
@@ -79,7 +95,25 @@ impl Stage<'_, '_, '_> {
         match what {
             OfUnit::Faults(sentences) => device.set_faults(faults(u64::from(unit), sentences)?),
             OfUnit::Saw(count) => return equal("requests seen", device.counters().all_requests(), *count),
-            OfUnit::Executed(count) => return equal("writes executed", device.writes().len(), *count),
+            OfUnit::WasAsked(requests) => {
+                let asked = device.take_requests();
+                if asked != *requests {
+                    return Err(format!("it was asked {asked:02X?}"));
+                }
+            }
+            OfUnit::Executed(count, last) => {
+                let writes = device.writes();
+                equal("writes executed", writes.len(), *count)?;
+                let is = writes.last().map(|write| &write.pdu);
+                if last.is_some() && is != last.as_ref() {
+                    return Err(format!("the last is {is:02X?}"));
+                }
+            }
+            OfUnit::Answers(pdu) => device.set_response(pdu),
+            OfUnit::Set(address, value) => device.memory().holding[usize::from(*address)] = *value,
+            OfUnit::HeardGaps(count) => {
+                return equal("gaps within frames", device.counters().gap_inside, *count);
+            }
             OfUnit::Holds(value, address) => {
                 return equal("the register", device.memory().holding[usize::from(*address)], *value);
             }
@@ -103,6 +137,9 @@ impl Stage<'_, '_, '_> {
                 let babbling = babble(stranger()?, Random::new(1), 16, Duration::from_ticks(0));
                 world.spawn(select(babbling, until));
             }
+            OfWire::Collided(count) => {
+                return equal("collisions", self.rig.wire(name).collisions(), *count);
+            }
             OfWire::Carried(count) => {
                 let frames = self.rig.wire(name).record_of(end).frames;
                 return equal("frames from the gateway", frames, *count);
@@ -110,6 +147,16 @@ impl Stage<'_, '_, '_> {
         }
         Ok(())
     }
+}
+
+/// Whether `text` has all the phrases between dots, in their order; how much space there is does not matter.
+fn has(text: &str, phrases: &str) -> bool {
+    let text = text.split_whitespace().collect::<Vec<_>>().join(" ");
+    let mut rest = Some(&text[..]);
+    for phrase in phrases.split(" ... ") {
+        rest = rest.and_then(|rest| rest.split_once(phrase.trim())).map(|(_, rest)| rest);
+    }
+    rest.is_some()
 }
 
 pub(super) fn equal<T: PartialEq + std::fmt::Display>(what: &str, is: T, should: T) -> Result<(), String> {

@@ -9,7 +9,7 @@ use mobgate_simulator::device::{Fresh, Memory};
 use mobgate_simulator::net::{ClientStream, Path};
 use mobgate_simulator::{Rig, World};
 
-use crate::file::Client;
+use crate::file::{By, Client};
 use crate::step::{Action, Expected, Going, Times};
 use crate::words::duration;
 
@@ -103,6 +103,9 @@ fn connect(world: &World<'_>, rig: &Rig<'_>, setup: &Client) -> Result<Session, 
         let line = rig.wire(device).tap(rig.end(device).line());
         return Ok(Session::on_line(line, rig.framing(device), world));
     }
+    if setup.by == By::Udp {
+        return Ok(Session::datagrams(rig.network.udp_client(setup.from, setup.port), world));
+    }
     let optional = |time: &Option<String>| time.as_deref().map_or(Ok(Duration::from_ticks(0)), duration);
     let path = Path {
         latency: optional(&setup.latency)?,
@@ -113,7 +116,11 @@ fn connect(world: &World<'_>, rig: &Rig<'_>, setup: &Client) -> Result<Session, 
     };
     let stream = rig.network.connect_over(path, setup.from, setup.port);
     let stream = stream.map_err(|error| format!("it cannot connect: {error}"))?;
-    Ok(if setup.deaf { Session::deaf(stream) } else { Session::start(stream, world) })
+    Ok(match setup.by {
+        _ if setup.deaf => Session::deaf(stream),
+        By::Rtu => Session::rtu(stream, world),
+        _ => Session::start(stream, world),
+    })
 }
 
 impl Connected {
@@ -164,14 +171,17 @@ impl Connected {
         if !is_damaged && (reply.protocol, reply.unit) != (0, question.unit) {
             return Err(format!("it asked unit {} and got {}", question.unit, told(&reply)));
         }
+        let of_unit = |unit| {
+            let answer = Memory::new(unit).execute(&question.pdu);
+            answer.unwrap_or_else(|code| vec![question.pdu[0] | 0x80, code])
+        };
         let should = match expected {
             Expected::Pdu(pdu) => pdu.clone(),
             Expected::Damaged => Vec::new(),
+            Expected::Any => reply.pdu.clone(),
             Expected::Exception(code) => vec![question.pdu[0] | 0x80, *code],
-            Expected::OfUnit(unit) => {
-                let answer = Memory::new(*unit).execute(&question.pdu);
-                answer.unwrap_or_else(|code| vec![question.pdu[0] | 0x80, code])
-            }
+            Expected::OfUnit(unit) => of_unit(*unit),
+            Expected::Own => of_unit(question.unit),
             Expected::Fresh => {
                 let fresh = Fresh::from_response(&reply.pdu).ok_or_else(|| told(&reply))?;
                 let read = Instant::from_micros(u64::from(fresh.at_us));

@@ -46,6 +46,8 @@ struct State {
     /// What is answered instead of what the memory says.
     script: Option<Vec<u8>>,
     counters: Counters,
+    /// What it was asked, if that is noted.
+    requests: Option<Vec<Vec<u8>>>,
     writes: Vec<Executed>,
     /// When its transmitter is free for the next response.
     free: Instant,
@@ -94,6 +96,7 @@ impl Device {
             faults: Faults::none(),
             script: None,
             counters: Counters { requests: [0; 128], bad_crc: 0, gap_inside: 0 },
+            requests: None,
             writes: Vec::new(),
             free: Instant::MIN,
             stalled_until: Instant::MIN,
@@ -135,6 +138,13 @@ impl Device {
         self
     }
 
+    /// The device noting what it is asked, for [`Self::take_requests`].
+    #[must_use]
+    pub fn with_notes(self) -> Self {
+        self.0.borrow_mut().requests = Some(Vec::new());
+        self
+    }
+
     /// Replaces the faults.
     pub fn set_faults(&self, faults: Faults) {
         self.0.borrow_mut().faults = faults;
@@ -158,6 +168,11 @@ impl Device {
     /// The counters as they are now.
     pub fn counters(&self) -> Counters {
         self.0.borrow().counters.clone()
+    }
+
+    /// The requests to this device alone since this was asked last, also those that a fault has lost.
+    pub fn take_requests(&self) -> Vec<Vec<u8>> {
+        self.0.borrow_mut().requests.as_mut().map(std::mem::take).unwrap_or_default()
     }
 
     /// The requests that changed something, oldest first.
@@ -254,6 +269,7 @@ impl State {
         pdu: &[u8],
         frame: impl Fn(u8, &[u8], bool) -> Vec<u8>,
     ) -> Option<Transmission> {
+        self.requests.iter_mut().for_each(|requests| requests.push(pdu.to_vec()));
         let hits = self.faults.draw(pdu);
         if hits.contains(&Fault::Unheard) {
             return None;

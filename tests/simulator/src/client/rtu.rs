@@ -46,13 +46,13 @@ impl RtuClient {
         match received {
             Err(_) => Answer::Silence,
             Ok(None) => Answer::Closed,
-            Ok(Some((from, answer))) if from == unit && answer[0] & 0x7f == pdu[0] => Answer::Pdu(answer),
-            Ok(Some((unit, pdu))) => Answer::Wrong(Reply { transaction: 0, protocol: 0, unit, pdu }),
+            Ok(Some(reply)) if reply.unit == unit && reply.pdu[0] & 0x7f == pdu[0] => Answer::Pdu(reply.pdu),
+            Ok(Some(reply)) => Answer::Wrong(reply),
         }
     }
 
     /// Byte by byte, so that of two frames in a row only the first is taken.
-    async fn receive(&mut self) -> Option<(u8, Vec<u8>)> {
+    async fn receive(&mut self) -> Option<Reply> {
         let mut received = Vec::new();
         loop {
             let mut byte = [0];
@@ -60,8 +60,8 @@ impl RtuClient {
                 Ok(1) => received.extend(byte),
                 _ => return None,
             }
-            if let Some((unit, pdu)) = rtu::open(&received).filter(|(_, pdu)| pdu.len() >= shortest(pdu)) {
-                return Some((unit, pdu.to_vec()));
+            if let Some(reply) = take_frame(&mut received) {
+                return Some(reply);
             }
         }
     }
@@ -70,6 +70,14 @@ impl RtuClient {
     pub fn into_stream(self) -> ClientStream {
         self.stream
     }
+}
+
+/// Takes the first whole frame off the front: the first bytes with a good CRC. It has no transaction id.
+pub(super) fn take_frame(received: &mut Vec<u8>) -> Option<Reply> {
+    let good = |end: &usize| rtu::open(&received[..*end]).is_some_and(|(_, pdu)| pdu.len() >= shortest(pdu));
+    let end = (0..=received.len()).find(good)?;
+    let frame: Vec<u8> = received.drain(..end).collect();
+    rtu::open(&frame).map(|(unit, pdu)| Reply { transaction: 0, protocol: 0, unit, pdu: pdu.to_vec() })
 }
 
 /// Bytes that a response with this beginning has at least: the beginning of one may have a right CRC by chance.

@@ -6,13 +6,13 @@ use std::future::poll_fn;
 use std::rc::Rc;
 use std::task::{Poll, Waker};
 
-use embassy_time::Instant;
+use embassy_time::{Duration, Instant};
 use embedded_io_async::Write;
 use mobgate::settings::Framing;
 
-use super::{FRAME_BYTES_MAX, Reply, frame, take_frame};
+use super::{FRAME_BYTES_MAX, Reply, frame, rtu, take_frame};
 use crate::framing::{self, Listener};
-use crate::net::{ClientStream, Pipe};
+use crate::net::{ClientStream, Pipe, UdpClient};
 use crate::wire::LineEnd;
 use crate::world::World;
 
@@ -26,6 +26,8 @@ pub struct Session {
 /// What a session sends by.
 enum ReplyTo {
     Stream(ClientStream),
+    RtuStream(ClientStream),
+    Datagrams(Rc<UdpClient>),
     Line(LineEnd, Framing),
 }
 
@@ -48,8 +50,22 @@ impl Session {
     /// Starts to receive on `stream`.
     pub fn start(stream: ClientStream, world: &World<'_>) -> Self {
         let inbox = Rc::<RefCell<Inbox>>::default();
-        world.spawn(receive(stream.reader(), inbox.clone()));
+        world.spawn(receive(stream.reader(), take_frame, inbox.clone()));
         Self { way: ReplyTo::Stream(stream), inbox, transaction: 0 }
+    }
+
+    /// Starts to receive RTU frames on `stream`. What comes bears no transaction id: it has 0.
+    pub fn rtu(stream: ClientStream, world: &World<'_>) -> Self {
+        let inbox = Rc::<RefCell<Inbox>>::default();
+        world.spawn(receive(stream.reader(), rtu::take_frame, inbox.clone()));
+        Self { way: ReplyTo::RtuStream(stream), inbox, transaction: 0 }
+    }
+
+    /// Starts to receive datagrams at `client`.
+    pub fn datagrams(client: UdpClient, world: &World<'_>) -> Self {
+        let (inbox, client) = (Rc::<RefCell<Inbox>>::default(), Rc::new(client));
+        world.spawn(collect(client.clone(), inbox.clone()));
+        Self { way: ReplyTo::Datagrams(client), inbox, transaction: 0 }
     }
 
     /// Starts to receive on a serial line, as a master. What comes bears no transaction id: it has 0. A damaged frame has
@@ -68,10 +84,11 @@ impl Session {
     /// Sends a request; its transaction id, or nothing when the connection has ended.
     pub async fn send(&mut self, unit: u8, pdu: &[u8]) -> Option<u16> {
         let frame = match &self.way {
-            ReplyTo::Stream(_) => {
+            ReplyTo::Stream(_) | ReplyTo::Datagrams(_) => {
                 self.transaction = self.transaction.wrapping_add(1);
                 frame(self.transaction, unit, pdu)
             }
+            ReplyTo::RtuStream(_) => framing::frame(Framing::Rtu, unit, pdu),
             ReplyTo::Line(_, framing) => framing::frame(*framing, unit, pdu),
         };
         self.send_bytes(&frame).await.then_some(self.transaction)
@@ -80,7 +97,11 @@ impl Session {
     /// Sends `bytes` as they are; false when the connection has ended.
     pub async fn send_bytes(&mut self, bytes: &[u8]) -> bool {
         match &mut self.way {
-            ReplyTo::Stream(stream) => stream.write_all(bytes).await.is_ok(),
+            ReplyTo::Stream(stream) | ReplyTo::RtuStream(stream) => stream.write_all(bytes).await.is_ok(),
+            ReplyTo::Datagrams(client) => {
+                client.send(bytes);
+                true
+            }
             ReplyTo::Line(line, _) => line.write_all(bytes).await.is_ok(),
         }
     }
@@ -105,11 +126,11 @@ impl Session {
         .await
     }
 
-    /// The connection, to end it in one of its ways; a line has none.
+    /// The connection, to end it in one of its ways; a line or a socket for datagrams has none.
     pub fn into_stream(self) -> Option<ClientStream> {
         match self.way {
-            ReplyTo::Stream(stream) => Some(stream),
-            ReplyTo::Line(..) => None,
+            ReplyTo::Stream(stream) | ReplyTo::RtuStream(stream) => Some(stream),
+            ReplyTo::Line(..) | ReplyTo::Datagrams(_) => None,
         }
     }
 }
@@ -127,7 +148,16 @@ async fn hear(mut listener: Listener, framing: Framing, inbox: Rc<RefCell<Inbox>
     }
 }
 
-async fn receive(stream: Pipe, inbox: Rc<RefCell<Inbox>>) {
+async fn collect(client: Rc<UdpClient>, inbox: Rc<RefCell<Inbox>>) {
+    loop {
+        let Some(mut datagram) = client.receive(Duration::from_secs(3_600)).await else { continue };
+        let mut inbox = inbox.borrow_mut();
+        inbox.arrivals.push_back(Arrival { at: Instant::now(), reply: take_frame(&mut datagram) });
+        inbox.waiting.take().into_iter().for_each(Waker::wake);
+    }
+}
+
+async fn receive(stream: Pipe, take: fn(&mut Vec<u8>) -> Option<Reply>, inbox: Rc<RefCell<Inbox>>) {
     let mut received = Vec::new();
     loop {
         let mut buffer = [0; FRAME_BYTES_MAX];
@@ -135,7 +165,7 @@ async fn receive(stream: Pipe, inbox: Rc<RefCell<Inbox>>) {
         received.extend_from_slice(&buffer[..count]);
         let mut inbox = inbox.borrow_mut();
         let at = Instant::now();
-        while let Some(reply) = take_frame(&mut received) {
+        while let Some(reply) = take(&mut received) {
             inbox.arrivals.push_back(Arrival { at, reply: Some(reply) });
         }
         if count == 0 {

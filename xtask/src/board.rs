@@ -10,17 +10,29 @@ use object::read::elf::{ElfFile32, ProgramHeader};
 
 use crate::tools::{self, Outcome, command, output, root};
 
-/// A Cortex-M4 or Cortex-M7 with FPU.
-pub(crate) const TARGET: &str = "thumbv7em-none-eabihf";
+/// A Cortex-M4 or Cortex-M7 with FPU: the core's, and that of most boards.
+const TARGET: &str = "thumbv7em-none-eabihf";
+/// Boards with an RP2040, which start from UF2 files.
+pub(crate) const RP2040: [&str; 1] = ["w5500_evb_pico"];
 
-/// Folder of the images: `target/thumb/...`.
-pub(crate) fn images() -> PathBuf {
-    root().join("target/thumb").join(TARGET).join("release")
+/// The target that a board names in its `.cargo/config.toml`.
+fn target(board: &str) -> Outcome<String> {
+    if board == "core" {
+        return Ok(TARGET.into());
+    }
+    let config = tools::read(format!("boards/{board}/.cargo/config.toml"))?;
+    let named = config.lines().find_map(|line| line.strip_prefix("target = \"")?.strip_suffix('"'));
+    named.map(str::to_owned).ok_or(format!("boards/{board}/.cargo/config.toml names no target"))
+}
+
+/// Folder of the images for a target: `target/thumb/...`.
+fn images(target: &str) -> PathBuf {
+    root().join("target/thumb").join(target).join("release")
 }
 
 /// The image of a board.
-pub(crate) fn image(board: &str) -> PathBuf {
-    images().join(format!("mobgate-{}", board.replace('_', "-")))
+pub(crate) fn image(board: &str) -> Outcome<PathBuf> {
+    Ok(images(&target(board)?).join(format!("mobgate-{}", board.replace('_', "-"))))
 }
 
 /// The STM32 boards: the folders `boards/nucleo_...`.
@@ -38,8 +50,8 @@ fn debian() -> PathBuf {
 }
 
 /// Whether this compiler has a prebuilt core library for the target.
-fn has_core() -> bool {
-    let library = sysroot(Path::new("rustc")).map(|root| root.join("lib/rustlib").join(TARGET).join("lib"));
+fn has_core(target: &str) -> bool {
+    let library = sysroot(Path::new("rustc")).map(|root| root.join("lib/rustlib").join(target).join("lib"));
     let files = library.and_then(|folder| folder.read_dir().ok());
     files.is_some_and(|mut files| {
         files.any(|file| file.is_ok_and(|file| file.file_name().to_string_lossy().starts_with("libcore-")))
@@ -55,7 +67,7 @@ pub(crate) fn has_sources() -> bool {
 
 /// Whether a toolchain that builds and lints for a Cortex-M is installed.
 pub(crate) fn has_toolchain() -> bool {
-    has_core()
+    has_core(TARGET)
         || has_sources() && debian().join("clippy-driver").exists() && tools::program("ld.lld").is_some()
 }
 
@@ -81,18 +93,20 @@ pub(crate) fn run(board: &str, subcommand: &str, arguments: &[String]) -> Outcom
     if !core && !folder.join("Cargo.toml").exists() {
         return Err(format!("no board {board} in boards/"));
     }
-    let (mut cargo, rustc) = if has_core() {
+    let target = target(board)?;
+    let (mut cargo, rustc) = if has_core(&target) {
         (command("cargo", &[subcommand]), "rustc".into())
     } else if has_sources() {
         let mut cargo = debian_cargo(&[subcommand]);
         // Boards link crates that name `alloc` without using it; the core must do without.
         cargo.arg(if core { "-Zbuild-std=core" } else { "-Zbuild-std=core,alloc" });
         // rustup's compiler ships a linker, Debian's does not.
-        cargo.env("CARGO_TARGET_THUMBV7EM_NONE_EABIHF_LINKER", "ld.lld");
+        let linker = target.replace('-', "_").to_uppercase();
+        cargo.env(format!("CARGO_TARGET_{linker}_LINKER"), "ld.lld");
         (cargo, debian().join("rustc"))
     } else {
         return Err(format!(
-            "no core library for {TARGET}: run 'rustup target add {TARGET}', or on Debian 'cargo xtask install thumb'"
+            "no core library for {target}: run 'rustup target add {target}', or on Debian 'cargo xtask install thumb'"
         ));
     };
     // Settings of the host build do not apply; rustup's cargo passes its own compiler on.
@@ -105,17 +119,18 @@ pub(crate) fn run(board: &str, subcommand: &str, arguments: &[String]) -> Outcom
     }
     // A separate target folder: sharing one would rebuild everything when switching compilers.
     cargo
-        .args(["--locked", "--release", "--target", TARGET, "--target-dir"])
+        .args(["--locked", "--release", "--target", &target, "--target-dir"])
         .arg(root().join("target/thumb"));
-    cargo.arg("--config").arg(short_paths()).args(arguments);
+    cargo.arg("--config").arg(short_paths(&target)).args(arguments);
     // Sizes depend on the compiler.
-    eprintln!("{board} for {TARGET} with {}", output(&mut command(rustc, &["--version"]))?.trim());
+    eprintln!("{board} for {target} with {}", output(&mut command(rustc, &["--version"]))?.trim());
     tools::run(&mut cargo)?;
     match subcommand {
-        "build" if core => tools::built(images().join("libmobgate.rlib")),
+        "build" if core => tools::built(images(&target).join("libmobgate.rlib")),
         "build" => {
-            tools::built(image(board))?;
-            tools::built(write_flat(&image(board))?)
+            let image = image(board)?;
+            tools::built(&image)?;
+            tools::built(if RP2040.contains(&board) { write_uf2(&image)? } else { write_flat(&image)? })
         }
         _ => Ok(()),
     }
@@ -123,7 +138,42 @@ pub(crate) fn run(board: &str, subcommand: &str, arguments: &[String]) -> Outcom
 
 /// Writes the flash contents beside an image as a flat binary, for tools that do not read ELF.
 fn write_flat(image: &Path) -> Outcome<PathBuf> {
-    let fault = |path: &Path, what: &dyn std::fmt::Display| format!("{}: {what}", path.display());
+    let (_, flat) = flat(image)?;
+    written(image.with_extension("bin"), &flat)
+}
+
+/// Writes the flash contents beside an image as a UF2 file (github.com/microsoft/uf2): blocks of 512 bytes with a page of 256 each.
+fn write_uf2(image: &Path) -> Outcome<PathBuf> {
+    const HAS_FAMILY: u32 = 0x2000;
+    const FAMILY: u32 = 0xe48b_ff56;
+    const PAGE_BYTES: u32 = 256;
+    let (first, flat) = flat(image)?;
+    let pages = flat.chunks(PAGE_BYTES as usize);
+    let count = pages.len() as u32;
+    let mut file = Vec::new();
+    for (number, page) in (0..).zip(pages) {
+        let address = first + number * PAGE_BYTES;
+        let head = [0x0a32_4655, 0x9e5d_5157, HAS_FAMILY, address, PAGE_BYTES, number, count, FAMILY];
+        let begin = file.len();
+        file.extend(head.iter().flat_map(|word: &u32| word.to_le_bytes()));
+        file.extend_from_slice(page);
+        file.resize(begin + 508, 0);
+        file.extend(0x0ab1_6f30_u32.to_le_bytes());
+    }
+    written(image.with_extension("uf2"), &file)
+}
+
+fn written(path: PathBuf, bytes: &[u8]) -> Outcome<PathBuf> {
+    std::fs::write(&path, bytes).map_err(|error| fault(&path, &error))?;
+    Ok(path)
+}
+
+fn fault(path: &Path, what: &dyn std::fmt::Display) -> String {
+    format!("{}: {what}", path.display())
+}
+
+/// An image's flash contents, and where they begin.
+fn flat(image: &Path) -> Outcome<(u32, Vec<u8>)> {
     let elf = std::fs::read(image).map_err(|error| fault(image, &error))?;
     let file = ElfFile32::<Endianness>::parse(&*elf).map_err(|error| fault(image, &error))?;
     let endian = file.endian();
@@ -143,13 +193,11 @@ fn write_flat(image: &Path) -> Outcome<PathBuf> {
         flat.resize((address - first) as usize, 0xff);
         flat.extend_from_slice(bytes);
     }
-    let path = image.with_extension("bin");
-    std::fs::write(&path, flat).map_err(|error| fault(&path, &error))?;
-    Ok(path)
+    Ok((first, flat))
 }
 
 /// Shortens the paths in panic messages, so an image is the same wherever it was built.
-fn short_paths() -> String {
+fn short_paths(target: &str) -> String {
     let home = std::env::var_os("CARGO_HOME").map(PathBuf::from);
     let home =
         home.or_else(|| Some(PathBuf::from(std::env::var_os("HOME")?).join(".cargo"))).unwrap_or_default();
@@ -158,7 +206,7 @@ fn short_paths() -> String {
     let flags = std::iter::once(root().to_owned())
         .chain(registries)
         .map(|path| format!("'--remap-path-prefix={}/='", path.display()));
-    format!("target.{TARGET}.rustflags=[{}]", flags.collect::<Vec<_>>().join(","))
+    format!("target.{target}.rustflags=[{}]", flags.collect::<Vec<_>>().join(","))
 }
 
 /// Checks the Linux program for two ARM targets. Needs no prebuilt target; linking would need a cross linker and C libraries.

@@ -40,8 +40,8 @@ pub(crate) fn release() -> Outcome {
     install::check(&[Group::Release, Group::Deny, Group::Package, Group::Thumb])?;
     cargo_deny(&["advisories"])?;
     test::deb()?;
-    for board in board::nucleos()? {
-        board::run(&board, "build", &[])?;
+    for board in board::nucleos()?.iter().map(String::as_str).chain(board::RP2040) {
+        board::run(board, "build", &[])?;
     }
     // SBOMs of the program and each image, in CycloneDX.
     let linux = root().join("boards/linux");

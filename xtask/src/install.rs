@@ -18,6 +18,8 @@ pub(crate) enum Group {
     Qemu,
     /// The emulator of the STM32 boards
     Stm32,
+    /// The emulator of the RP2040
+    Rp2040,
     /// A compiler for ARM Linux
     Arm,
     /// The Debian package and its test
@@ -52,7 +54,7 @@ struct Need {
 
 const DEBIAN_RUST: By = By::Apt(&["rustc-web", "cargo-web", "rust-web-src", "rust-web-clippy", "lld"]);
 
-const NEEDS: [Need; 26] = [
+const NEEDS: [Need; 30] = [
     by_apt(Group::Peers, "mbpoll", &["mbpoll"]),
     by_apt(Group::Package, "mbpoll", &["mbpoll"]),
     by_apt(Group::Peers, "socat", &["socat"]),
@@ -101,6 +103,15 @@ const NEEDS: [Need; 26] = [
     by_apt(Group::Stm32, "cmake", &["cmake"]),
     by_apt(Group::Stm32, "cc", &["gcc", "libc6-dev", "make"]),
     Need { group: Group::Stm32, name: "libclang", by: By::Apt(&["libclang-dev"]), found: |_| has_libclang() },
+    by_apt(Group::Rp2040, "npm", &["npm"]),
+    by_apt(Group::Rp2040, "python3", &["python3"]),
+    by_apt(Group::Rp2040, "ip", &["iproute2"]),
+    Need {
+        group: Group::Rp2040,
+        name: "rp2040js and modbus-serial in tests/rp2040",
+        by: By::Own(rp2040),
+        found: |_| is_installed(RP2040_PACKAGES, RP2040_FOLDER),
+    },
     Need {
         group: Group::Arm,
         name: "Debian's Rust with sources",
@@ -240,6 +251,10 @@ fn qemu() -> Outcome {
 const REQUIREMENTS: &str = "boards/linux/tests/peers/requirements.txt";
 const PACKAGES: &str = "boards/linux/tests/peers/node/package-lock.json";
 
+/// Beside the tests, where node looks for packages that modules import.
+const RP2040_FOLDER: &str = "tests/rp2040/node_modules";
+const RP2040_PACKAGES: &str = "tests/rp2040/package-lock.json";
+
 /// Whether the folder has the contents of this lock file.
 fn is_installed(list: &str, folder: &str) -> bool {
     read(list).is_ok_and(|list| read(format!("{folder}/installed")).is_ok_and(|installed| installed == list))
@@ -258,7 +273,6 @@ fn python() -> Outcome {
     note_installed(REQUIREMENTS, "target/python")
 }
 
-/// Installs the lock file's packages without their install scripts: serialport ships prebuilt binaries.
 fn node() -> Outcome {
     let folder = root().join("target/node");
     std::fs::create_dir_all(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
@@ -267,16 +281,18 @@ fn node() -> Outcome {
         let to = folder.join(from.file_name().unwrap_or_default());
         std::fs::copy(&from, to).map_err(|error| format!("{file}: {error}"))?;
     }
-    let npm = [
-        "ci",
-        "--prefix",
-        "target/node",
-        "--ignore-scripts",
-        "--no-audit",
-        "--no-fund",
-        "--loglevel",
-        "error",
-    ];
-    run(command("npm", &npm).stdout(std::process::Stdio::null()))?;
+    npm("target/node")?;
     note_installed(PACKAGES, "target/node")
+}
+
+fn rp2040() -> Outcome {
+    npm("tests/rp2040")?;
+    note_installed(RP2040_PACKAGES, RP2040_FOLDER)
+}
+
+/// Installs the packages of the folder's lock file without their install scripts: serialport ships prebuilt binaries.
+fn npm(folder: &str) -> Outcome {
+    let arguments =
+        ["ci", "--prefix", folder, "--ignore-scripts", "--no-audit", "--no-fund", "--loglevel", "error"];
+    run(command("npm", &arguments).stdout(std::process::Stdio::null()))
 }

@@ -1,4 +1,4 @@
-//! Sizes of the STM32 images, each without and with EtherCAT and data points: sections, largest symbols, budgets.
+//! Sizes of the boards' images, the STM32 ones each without and with EtherCAT and data points: sections, largest symbols, budgets.
 //!
 //! Flash is what is programmed: code, constants, and initial values of variables. RAM is what is used statically; the rest of the
 //! memory is the stack. The router's core is what lies between the ports: router, rules, frames, queues, counters. Its flash is the
@@ -56,8 +56,14 @@ const LARGEST: usize = 8;
 
 /// Prints the sizes of these boards' images; of all if none are given.
 pub(crate) fn print(boards: &[String]) -> Outcome {
-    let all = board::nucleos()?;
+    let mut all = board::nucleos()?;
+    all.extend(board::RP2040.map(str::to_owned));
     for board in if boards.is_empty() { &all } else { boards } {
+        if board::RP2040.contains(&board.as_str()) {
+            // The program's part of the flash; RAM but for the stack.
+            Image::build(board, &[])?.totals("rp2040", Some((864.0, 200.0)));
+            continue;
+        }
         let name = board.strip_prefix("nucleo_").unwrap_or(board);
         let lines = read(format!("boards/{board}/src/main.rs"))?.lines().count();
         figure(&format!("{name}_main"), lines as f64, "lines", Some(99.0));
@@ -105,7 +111,7 @@ impl Image {
         let arguments: Vec<String> =
             ["--no-default-features"].iter().chain(features).map(|&word| word.into()).collect();
         board::run(board, "build", &arguments)?;
-        let image = Self::read(&board::image(board))?;
+        let image = Self::read(&board::image(board)?)?;
         println!("{board}{}:", features.last().map_or(String::new(), |feature| format!(" with {feature}")));
         for (name, bytes) in &image.sections {
             if [".vector_table", ".text", ".rodata", ".data", ".bss", ".uninit"].contains(&name.as_str()) {

@@ -17,6 +17,8 @@ pub(crate) enum Suite {
     Qemu,
     /// The STM32 boards' images in an emulator
     Stm32,
+    /// The RP2040 boards' image in an emulator (needs root)
+    Rp2040,
     /// The Debian package, installed, used and removed (needs root)
     Package,
     /// Random worlds, many times more than in `workspace`
@@ -31,6 +33,7 @@ impl Suite {
             Self::Workspace | Self::Maindevices => &[Group::Peers],
             Self::Qemu => &[Group::Qemu, Group::Thumb, Group::Peers],
             Self::Stm32 => &[Group::Stm32, Group::Thumb],
+            Self::Rp2040 => &[Group::Rp2040, Group::Thumb],
             Self::Package => &[Group::Package],
             Self::Torture => &[],
         }
@@ -40,9 +43,11 @@ impl Suite {
 /// Runs these suites, after installing or listing what they need.
 pub(crate) fn run_all(suites: &[Suite], install: bool) -> Outcome {
     // Checked first, before the other suites take their time.
-    if suites.contains(&Suite::Package) && !may_be_root()? {
+    let as_root = |suite: &Suite| matches!(suite, Suite::Package | Suite::Rp2040);
+    if suites.iter().any(as_root) && !may_be_root()? {
         return Err(
-            "the package test needs root, or sudo; the others: cargo xtask test workspace qemu".into()
+            "the tests package and rp2040 need root, or sudo; the others: cargo xtask test workspace qemu"
+                .into(),
         );
     }
     let mut groups: Vec<Group> = suites.iter().flat_map(|suite| suite.needs()).copied().collect();
@@ -64,6 +69,12 @@ pub(crate) fn run_all(suites: &[Suite], install: bool) -> Outcome {
             board::nucleos()?.iter().try_for_each(|board| board::run(board, "build", &[]))?;
             // With its figures.
             run(stm32("test").args(["--", "--nocapture"]))
+        }
+        Suite::Rp2040 => {
+            board::RP2040.iter().try_for_each(|board| board::run(board, "build", &[]))?;
+            // In a network of its own.
+            let root = if is_root()? { "env" } else { "sudo" };
+            run(&mut command(root, &["tests/rp2040/run", "tests/rp2040/test.js"]))
         }
         Suite::Package => {
             deb()?;
@@ -110,8 +121,11 @@ pub(crate) fn lint_stm32() -> Outcome {
 
 /// Whether this is root, or sudo is available.
 fn may_be_root() -> Outcome<bool> {
-    let is_root = output(&mut command("id", &["-u"]))?.trim() == "0";
-    Ok(is_root || program("sudo").is_some())
+    Ok(is_root()? || program("sudo").is_some())
+}
+
+fn is_root() -> Outcome<bool> {
+    Ok(output(&mut command("id", &["-u"]))?.trim() == "0")
 }
 
 /// Each test exchanges process data 100 000 times and restarts 500 times, without a single failure; `at_a_time` run in parallel.

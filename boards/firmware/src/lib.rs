@@ -1,0 +1,18 @@
+//! What the firmware of boards with an Ethernet of their own shares; a chip's library adds its drivers and the tasks over them.
+//!
+//! * [`gateway`]: the gateway's statics and tasks; [`lines`]: the table of lines, which ports open by name.
+//! * [`network`]: the stack on the board's Ethernet and its sockets.
+//! * [`console`]: the console over any terminal; `start`: the settings at start-up, and the factory reset.
+//! * [`system`]: the console's interface to the board; [`watchdog`]: whether it may be fed, shown by the lights.
+#![no_std]
+
+pub mod console;
+pub mod gateway;
+pub mod lines;
+pub mod network;
+mod start;
+// Images without it are smaller, see Cargo.toml.
+#[cfg(feature = "ethercat")]
+pub mod states;
+pub mod system;
+pub mod watchdog;

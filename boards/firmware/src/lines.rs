@@ -1,0 +1,89 @@
+//! The board's lines, which ports open by name.
+
+use embassy_sync::blocking_mutex::raw::NoopRawMutex;
+use embassy_sync::mutex::{Mutex, MutexGuard};
+use embassy_time::Instant;
+use embedded_io_async::{ErrorType, Read, Write};
+use mobgate::hal::{Flaws, OpenError, OpenErrorKind, SerialHost, SerialLine};
+use mobgate::settings::LineSettings;
+
+/// RS-485 lines of a board.
+pub const LINES: usize = 4;
+
+/// A line of a chip.
+pub trait Line: SerialLine {
+    /// [`SerialHost::never_underruns`].
+    const NEVER_UNDERRUNS: bool;
+
+    /// Sets speed, character format and driver times, and discards earlier input.
+    fn configure(&mut self, line: &LineSettings) -> Result<(), OpenError>;
+}
+
+/// A line, locked by the port that uses it.
+pub type SharedLine<L> = Mutex<NoopRawMutex, L>;
+
+/// The board's lines, `uart1` to `uart4`.
+pub struct Lines<L: 'static>(pub &'static [SharedLine<L>; LINES]);
+
+impl<L> Clone for Lines<L> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<L> Copy for Lines<L> {}
+
+/// An open line.
+pub struct OpenLine<L: 'static>(MutexGuard<'static, NoopRawMutex, L>);
+
+impl<L: Line> SerialHost for Lines<L> {
+    type Line<'a> = OpenLine<L>;
+
+    async fn open(&mut self, device: &str, settings: &LineSettings) -> Result<OpenLine<L>, OpenError> {
+        let hint = "this board's lines are uart1 to uart4";
+        let number = device.strip_prefix("uart").and_then(|number| number.parse::<usize>().ok());
+        let line = number.and_then(|number| self.0.get(number.checked_sub(1)?));
+        let line = line.ok_or(OpenError::new(OpenErrorKind::NotFound, hint))?;
+        let mut open = line
+            .try_lock()
+            .map_err(|_| OpenError::new(OpenErrorKind::InUse, "by another port of the gateway"))?;
+        open.configure(settings)?;
+        Ok(OpenLine(open))
+    }
+
+    fn never_underruns(&self) -> bool {
+        L::NEVER_UNDERRUNS
+    }
+}
+
+impl<L: Line> SerialLine for OpenLine<L> {
+    const RESTS: bool = L::RESTS;
+
+    async fn rest(&mut self, until: Instant) -> bool {
+        self.0.rest(until).await
+    }
+
+    fn take_flaws(&mut self) -> Flaws {
+        self.0.take_flaws()
+    }
+}
+
+impl<L: Line> ErrorType for OpenLine<L> {
+    type Error = L::Error;
+}
+
+impl<L: Line> Read for OpenLine<L> {
+    async fn read(&mut self, into: &mut [u8]) -> Result<usize, L::Error> {
+        self.0.read(into).await
+    }
+}
+
+impl<L: Line> Write for OpenLine<L> {
+    async fn write(&mut self, from: &[u8]) -> Result<usize, L::Error> {
+        self.0.write(from).await
+    }
+
+    async fn flush(&mut self) -> Result<(), L::Error> {
+        self.0.flush().await
+    }
+}

@@ -1,0 +1,60 @@
+//! The network: stack and sockets on the board's Ethernet driver. The stack notices a cable change within half a second.
+
+use core::pin::pin;
+
+use embassy_executor::Spawner;
+use embassy_futures::join::join3;
+use embassy_net::driver::Driver;
+use embassy_net::{Runner, Stack, StackResources};
+use mobgate::settings::OwnNetwork;
+use mobgate_net::{STACK_SOCKETS, Sockets, address, mdns};
+use static_cell::{ConstStaticCell, StaticCell};
+
+use crate::gateway::{CONNECTIONS, CONNECTIONS_OUT, LIVENESS, Task, gateway};
+
+/// Open sockets: incoming and outgoing connections, and UDP.
+const SOCKETS: usize = CONNECTIONS + CONNECTIONS_OUT;
+/// The longest Modbus TCP frame for each direction.
+const SOCKET_BYTES: usize = 2 * 260;
+
+static BUFFERS: ConstStaticCell<[[u8; SOCKET_BYTES]; SOCKETS]> =
+    ConstStaticCell::new([[0; SOCKET_BYTES]; SOCKETS]);
+static RESOURCES: StaticCell<StackResources<{ SOCKETS + STACK_SOCKETS }>> = StaticCell::new();
+static POOL: StaticCell<Sockets> = StaticCell::new();
+
+/// A handle of the network's sockets for tasks.
+#[derive(Clone, Copy)]
+pub struct Network(pub(crate) &'static Sockets);
+
+impl Network {
+    /// The network's stack.
+    pub fn stack(&self) -> Stack<'static> {
+        self.0.stack()
+    }
+}
+
+/// Starts the stack on `driver`, with DHCP until the settings are applied. The board runs [`stack`] as a task. `unique`, the chip's
+/// number, keeps boards from sending DHCP requests in step and from starting with the same TCP port.
+pub fn start<D: Driver>(spawner: Spawner, driver: D, unique: &[u8]) -> (Network, Runner<'static, D>) {
+    // Need not be secret.
+    let seed = unique.iter().fold(0, |seed: u64, &byte| seed.rotate_left(5) ^ u64::from(byte));
+    let config = address::stack_config(&OwnNetwork::DEFAULT);
+    let (stack, runner) = embassy_net::new(driver, config, RESOURCES.init_with(StackResources::new), seed);
+    let buffers = BUFFERS.take().iter_mut().map(|buffer| buffer.as_mut_slice());
+    let sockets: &'static Sockets = POOL.init(Sockets::new(stack, buffers));
+    // Spawned once: the task slot is free.
+    spawner.spawn(run_sockets(sockets).unwrap());
+    (Network(sockets), runner)
+}
+
+/// Runs the stack.
+pub async fn stack<D: Driver>(mut runner: Runner<'static, D>) -> ! {
+    LIVENESS.watch(Task::Stack as usize, pin!(runner.run())).await
+}
+
+#[embassy_executor::task]
+async fn run_sockets(sockets: &'static Sockets) {
+    let (gateway, stack) = (gateway(), sockets.stack());
+    let all = pin!(join3(sockets.run(), address::follow(gateway, stack), mdns::run(gateway, stack)));
+    LIVENESS.watch(Task::Sockets as usize, all).await;
+}

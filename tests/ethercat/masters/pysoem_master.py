@@ -13,6 +13,9 @@ class MainDevice(Soem):
     def slow_watchdog(self):
         slow_watchdog(self.device)
 
+    def register(self, address, size):
+        return self.device._fprd(address, size, PATIENCE)
+
     def reach(self, state):
         self.device.state = state
         self.device.write_state()

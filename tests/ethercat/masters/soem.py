@@ -4,6 +4,9 @@
 PATIENCE = 5_000_000
 # Starts that may be lost in a row.
 STARTS_MAX = 3
+# The length registers of the SyncManagers of the process data, and the objects that assign PDOs to these.
+SYNC_MANAGER_LENGTHS = (0x0812, 0x081A)
+ASSIGNMENTS = (0x1C12, 0x1C13)
 
 
 class Soem:
@@ -28,7 +31,14 @@ class Soem:
         self.slow_watchdog()
 
     def to_op(self):
-        self.master.config_map()
+        # The same for frames that set up a SyncManager, which is then refused: its length is another one.
+        for _ in range(STARTS_MAX):
+            self.master.config_map()
+            if self.device.state_check(self.soem.SAFEOP_STATE, PATIENCE) == self.soem.SAFEOP_STATE:
+                break
+            code, lengths = self.device.al_status, self.lengths_set_up()
+            self.to_pre_op()
+            assert lengths != self.assigned_bytes(), hex(code)
         self.wait_for(self.soem.SAFEOP_STATE)
         self.exchange()
         self.reach(self.soem.OP_STATE)
@@ -36,14 +46,31 @@ class Soem:
     def to_init(self):
         self.reach(self.soem.INIT_STATE)
 
+    def lengths_set_up(self):
+        return [int.from_bytes(self.register(manager, 2), "little") for manager in SYNC_MANAGER_LENGTHS]
+
+    def assigned_bytes(self):
+        """Bytes of the PDOs that are assigned to each SyncManager, as the device says."""
+        return [sum(self.pdo_bits(pdo) for pdo in self.numbers(assignment, 2)) // 8 for assignment in ASSIGNMENTS]
+
+    def pdo_bits(self, pdo):
+        return sum(entry & 0xFF for entry in self.numbers(pdo, 4))
+
+    def numbers(self, index, size):
+        (count,) = self.read(index, 0, 1)
+        return [int.from_bytes(self.read(index, sub, size), "little") for sub in range(1, count + 1)]
+
     def wait_for(self, state):
         assert self.device.state_check(state, PATIENCE) == state, hex(self.device.al_status)
 
     def read(self, index, sub, size):
-        return self.device.sdo_read(index, sub, size)
+        return self.sdo(index, sub, size)
 
     def complete(self, index, size):
-        return self.device.sdo_read(index, 0, size, ca=True)
+        return self.sdo(index, 0, size, ca=True)
+
+    def sdo(self, index, sub, size, **how):
+        return self.device.sdo_read(index, sub, size, **how)
 
     def cycle(self, number):
         self.put(bytes([number % 256]))

@@ -2,7 +2,7 @@
 
 import routine
 import soemx
-from soem import PATIENCE, Soem
+from soem import PATIENCE, STARTS_MAX, Soem
 
 
 class MainDevice(Soem):
@@ -14,10 +14,23 @@ class MainDevice(Soem):
         self.master.read_state()
         self.master.write_register(self.device.index, routine.WATCHDOG_REGISTER, routine.WATCHDOG, PATIENCE)
 
+    def register(self, address, size):
+        return self.master.read_register(self.device.index, address, size, PATIENCE)
+
     def reach(self, state):
         self.master.state = state
         self.master.write_state()
         self.wait_for(state)
+
+    def sdo(self, index, sub, size, **how):
+        # Its own time-outs are fixed: a message that is late for them is lost, which has no abort code.
+        for _ in range(STARTS_MAX - 1):
+            try:
+                return super().sdo(index, sub, size, **how)
+            except soemx.errors.SdoError as error:
+                if error.abort_code:
+                    raise
+        return super().sdo(index, sub, size, **how)
 
     def listed(self):
         # It takes the working counter for the number of objects, and gives the first one only.

@@ -13,9 +13,11 @@ use mobgate_stm32::nucleo144;
 // The linker's memory maps: a change must relink the image.
 const _: (&[u8], &[u8]) = (include_bytes!("../regions.x"), include_bytes!("../../../memory.x"));
 
+mobgate_image::info!(INFO, "NUCLEO-H743ZI");
+
 #[embassy_executor::main]
 async fn main(spawner: Spawner) {
-    nucleo144::run(spawner, "NUCLEO-H743ZI", embassy_stm32::init(clocks())).await
+    nucleo144::run(spawner, INFO.board(), embassy_stm32::init(clocks())).await
 }
 
 /// 400 MHz, which every revision of the chip supports, from the 8 MHz of the ST-LINK.

@@ -8,7 +8,9 @@ use mobgate_rp::pico;
 // The linker's memory maps: a change must relink the image.
 const _: (&[u8], &[u8]) = (include_bytes!("../regions.x"), include_bytes!("../../../memory.x"));
 
+mobgate_image::info!(INFO, "W5500-EVB-Pico");
+
 #[embassy_executor::main]
 async fn main(spawner: Spawner) {
-    pico::run(spawner, "W5500-EVB-Pico", embassy_rp::init(Default::default())).await
+    pico::run(spawner, INFO.board(), embassy_rp::init(Default::default())).await
 }

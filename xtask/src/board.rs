@@ -8,7 +8,9 @@ use object::Endianness;
 use object::elf::PT_LOAD;
 use object::read::elf::{ElfFile32, ProgramHeader};
 
-use crate::tools::{self, Outcome, command, output, root};
+use crate::key::Key;
+use crate::tools::{self, Outcome, command, fault, output, root, written};
+use crate::update;
 
 /// A Cortex-M4 or Cortex-M7 with FPU: the core's, and that of most boards.
 const TARGET: &str = "thumbv7em-none-eabihf";
@@ -95,7 +97,7 @@ pub(crate) fn run(board: &str, subcommand: &str, arguments: &[String]) -> Outcom
     }
     let target = target(board)?;
     let (mut cargo, rustc) = if has_core(&target) {
-        (command("cargo", &[subcommand]), "rustc".into())
+        (command("cargo", &[subcommand]), PathBuf::from("rustc"))
     } else if has_sources() {
         let mut cargo = debian_cargo(&[subcommand]);
         // Boards link crates that name `alloc` without using it; the core must do without.
@@ -111,6 +113,9 @@ pub(crate) fn run(board: &str, subcommand: &str, arguments: &[String]) -> Outcom
     };
     // Settings of the host build do not apply; rustup's cargo passes its own compiler on.
     cargo.env_remove("RUSTC").env_remove("CARGO").env_remove("RUSTFLAGS");
+    // The same image wherever it is built.
+    cargo.env("RUSTC_WRAPPER", root().join("xtask/rustc"));
+    cargo.env("MOBGATE_PUBLIC_KEY", Key::for_images()?.public());
     if core {
         cargo.args(["--package", "mobgate", "--lib", "--no-default-features"]);
     } else {
@@ -121,16 +126,17 @@ pub(crate) fn run(board: &str, subcommand: &str, arguments: &[String]) -> Outcom
     cargo
         .args(["--locked", "--release", "--target", &target, "--target-dir"])
         .arg(root().join("target/thumb"));
-    cargo.arg("--config").arg(short_paths(&target)).args(arguments);
+    cargo.arg("--config").arg(short_paths(&target, &rustc)).args(arguments);
     // Sizes depend on the compiler.
-    eprintln!("{board} for {target} with {}", output(&mut command(rustc, &["--version"]))?.trim());
+    eprintln!("{board} for {target} with {}", output(&mut command(&rustc, &["--version"]))?.trim());
     tools::run(&mut cargo)?;
     match subcommand {
         "build" if core => tools::built(images(&target).join("libmobgate.rlib")),
         "build" => {
             let image = image(board)?;
             tools::built(&image)?;
-            tools::built(if RP2040.contains(&board) { write_uf2(&image)? } else { write_flat(&image)? })
+            tools::built(if RP2040.contains(&board) { write_uf2(&image)? } else { write_flat(&image)? })?;
+            update::write(&image)?.map_or(Ok(()), tools::built)
         }
         _ => Ok(()),
     }
@@ -163,17 +169,8 @@ fn write_uf2(image: &Path) -> Outcome<PathBuf> {
     written(image.with_extension("uf2"), &file)
 }
 
-fn written(path: PathBuf, bytes: &[u8]) -> Outcome<PathBuf> {
-    std::fs::write(&path, bytes).map_err(|error| fault(&path, &error))?;
-    Ok(path)
-}
-
-fn fault(path: &Path, what: &dyn std::fmt::Display) -> String {
-    format!("{}: {what}", path.display())
-}
-
 /// An image's flash contents, and where they begin.
-fn flat(image: &Path) -> Outcome<(u32, Vec<u8>)> {
+pub(crate) fn flat(image: &Path) -> Outcome<(u32, Vec<u8>)> {
     let elf = std::fs::read(image).map_err(|error| fault(image, &error))?;
     let file = ElfFile32::<Endianness>::parse(&*elf).map_err(|error| fault(image, &error))?;
     let endian = file.endian();
@@ -196,17 +193,21 @@ fn flat(image: &Path) -> Outcome<(u32, Vec<u8>)> {
     Ok((first, flat))
 }
 
-/// Shortens the paths in panic messages, so an image is the same wherever it was built.
-fn short_paths(target: &str) -> String {
+/// Shortens the paths in panic messages and in what a debugger reads, so an image is the same wherever it was built.
+fn short_paths(target: &str, rustc: &Path) -> String {
+    let flags = remapped(rustc).map(|path| format!("'--remap-path-prefix={}/='", path.display()));
+    format!("target.{target}.rustflags=[{}]", flags.collect::<Vec<_>>().join(","))
+}
+
+/// Folders of sources: the checkout, the crates, and the standard library where it is built along.
+pub(crate) fn remapped(rustc: &Path) -> impl Iterator<Item = PathBuf> {
     let home = std::env::var_os("CARGO_HOME").map(PathBuf::from);
     let home =
         home.or_else(|| Some(PathBuf::from(std::env::var_os("HOME")?).join(".cargo"))).unwrap_or_default();
     let registries =
         home.join("registry/src").read_dir().into_iter().flatten().flatten().map(|entry| entry.path());
-    let flags = std::iter::once(root().to_owned())
-        .chain(registries)
-        .map(|path| format!("'--remap-path-prefix={}/='", path.display()));
-    format!("target.{target}.rustflags=[{}]", flags.collect::<Vec<_>>().join(","))
+    let library = sysroot(rustc).map(|root| root.join("lib/rustlib/src/rust"));
+    std::iter::once(root().to_owned()).chain(registries).chain(library)
 }
 
 /// Checks the Linux program for two ARM targets. Needs no prebuilt target; linking would need a cross linker and C libraries.

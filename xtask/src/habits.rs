@@ -1,8 +1,7 @@
-//! Repository checks: licences and sources of crates, the Rust version, the editor's projects; and the release build.
+//! Repository checks: licences and sources of crates, the Rust version, the editor's projects.
 
 use std::path::PathBuf;
 
-use crate::board;
 use crate::install::{self, Group};
 use crate::test;
 use crate::tools::{Outcome, built, cargo, command, output, program, read, root, run};
@@ -11,7 +10,7 @@ use crate::tools::{Outcome, built, cargo, command, output, program, read, root, 
 const TESTS: [&str; 2] = ["tests/fuzz", "tests/stm32"];
 
 /// Folders of boards/ and tests/ with their own workspace.
-fn workspaces() -> Outcome<Vec<PathBuf>> {
+pub(crate) fn workspaces() -> Outcome<Vec<PathBuf>> {
     let boards = root().join("boards").read_dir().map_err(|error| format!("boards/: {error}"))?;
     let tests = TESTS.map(|folder| root().join(folder));
     let folders = boards.flatten().map(|entry| entry.path()).chain(tests);
@@ -26,37 +25,12 @@ pub(crate) fn deny() -> Outcome {
     cargo_deny(&["bans", "licenses", "sources"])
 }
 
-fn cargo_deny(checks: &[&str]) -> Outcome {
+/// The same, for these checks of cargo-deny.
+pub(crate) fn cargo_deny(checks: &[&str]) -> Outcome {
     for folder in std::iter::once(root().to_owned()).chain(workspaces()?) {
         let mut deny =
             command("cargo-deny", &["--locked", "--workspace", "--config", "deny.toml", "--manifest-path"]);
         run(deny.arg(folder.join("Cargo.toml")).arg("check").args(checks))?;
-    }
-    Ok(())
-}
-
-/// Builds a release, after checking its crates against the advisory database; fails without that.
-pub(crate) fn release() -> Outcome {
-    install::check(&[Group::Release, Group::Deny, Group::Package, Group::Thumb])?;
-    cargo_deny(&["advisories"])?;
-    test::deb()?;
-    for board in board::nucleos()?.iter().map(String::as_str).chain(board::RP2040) {
-        board::run(board, "build", &[])?;
-    }
-    // SBOMs of the program and each image, in CycloneDX.
-    let linux = root().join("boards/linux");
-    let images = workspaces()?.into_iter().filter(|folder| !folder.starts_with(root().join("tests")));
-    for folder in std::iter::once(linux).chain(images) {
-        let name = folder.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        let mut sbom = command(
-            "cargo-cyclonedx",
-            &["cyclonedx", "--quiet", "--format", "json", "--override-filename", "sbom"],
-        );
-        run(sbom.arg("--manifest-path").arg(folder.join("Cargo.toml")))?;
-        let to = root().join("target").join(format!("mobgate-{name}.cdx.json"));
-        std::fs::rename(folder.join("sbom.json"), &to)
-            .map_err(|error| format!("{}: {error}", to.display()))?;
-        built(to)?;
     }
     Ok(())
 }

@@ -16,11 +16,14 @@ mod figures;
 mod fuzz;
 mod habits;
 mod install;
+mod key;
 mod peers;
+mod release;
 mod sizes;
 mod test;
 mod tools;
 mod under_load;
+mod update;
 
 /// Builds, tests and measures mobgate.
 #[derive(Parser)]
@@ -107,8 +110,12 @@ enum Task {
         #[arg(long)]
         write: bool,
     },
-    /// Builds a release: package, images, SBOMs; checks all crates against the advisory database
+    /// Makes the key that signs updates, unless there is one: in this file, or in target/ for development; prints its public half
+    Key { file: Option<std::path::PathBuf> },
+    /// Builds a release: package, images, updates, SBOMs, checksums; MOBGATE_SIGNING_KEY names the file of its key
     Release,
+    /// Builds boards' images here and in another folder, and compares them
+    Reproducible { boards: Vec<String> },
     /// Compares the figures that commands printed into a file with tests/figures
     Figures { file: std::path::PathBuf },
 }
@@ -138,7 +145,7 @@ fn carry_out(task: Task) -> Outcome {
         Task::Board { board, command, words } => board::run(&board, &command, &words.words),
         Task::Sizes { boards } => sizes::print(&boards),
         Task::Arm => board::arm(),
-        Task::Deb => test::deb(),
+        Task::Deb => test::deb().map(drop),
         Task::Qemu(Words { words }) => {
             run(cargo("run", &["--quiet", "--package", "mobgate-qemu", "--"]).args(words))
         }
@@ -171,7 +178,15 @@ fn carry_out(task: Task) -> Outcome {
         Task::Book { check } => book::make(check),
         Task::Deny => habits::deny(),
         Task::Api { write } => api::check(write),
-        Task::Release => habits::release(),
+        Task::Key { file } => make_key(file),
+        Task::Release => release::build(),
+        Task::Reproducible { boards } => release::reproducible(&boards),
         Task::Figures { file } => figures::hold(&file),
     }
+}
+
+fn make_key(file: Option<std::path::PathBuf>) -> Outcome {
+    let file = file.unwrap_or_else(key::development);
+    println!("{}: public half {}", file.display(), key::Key::made(&file)?.public());
+    Ok(())
 }

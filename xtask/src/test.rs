@@ -1,12 +1,13 @@
 //! The test suites, fastest first.
 
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use clap::ValueEnum;
 
-use crate::board;
 use crate::install::{self, Group};
-use crate::tools::{Outcome, built, cargo, command, output, program, run};
+use crate::tools::{Outcome, built, cargo, command, output, program, root, run};
+use crate::{board, release};
 
 /// Tests with the same requirements.
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -134,12 +135,19 @@ fn main_devices(at_a_time: &str, tests: &[&str]) -> Outcome {
     run(cargo.args(tests).env("MOBGATE_CYCLES", "100000").env("MOBGATE_RESTARTS", "500"))
 }
 
-/// Builds the Debian package.
-pub(crate) fn deb() -> Outcome {
+/// Builds the Debian package, the same wherever it is built.
+pub(crate) fn deb() -> Outcome<PathBuf> {
     install::check(&[Group::Package])?;
-    let printed = output(&mut command(
-        "cargo",
-        &["deb", "--quiet", "--locked", "--strip", "--package", "mobgate-linux"],
-    ))?;
-    built(printed.lines().last().unwrap_or_default())
+    let flags =
+        board::remapped(Path::new("rustc")).map(|path| format!("--remap-path-prefix={}/=", path.display()));
+    // Separated as cargo wants it, for folders with spaces.
+    let flags = flags.collect::<Vec<_>>().join("\x1f");
+    let mut cargo =
+        command("cargo", &["deb", "--quiet", "--locked", "--strip", "--package", "mobgate-linux"]);
+    let printed = output(
+        cargo.env("CARGO_ENCODED_RUSTFLAGS", flags).env("SOURCE_DATE_EPOCH", release::commit_time()?),
+    )?;
+    let package = root().join(printed.lines().last().unwrap_or_default());
+    built(&package)?;
+    Ok(package)
 }

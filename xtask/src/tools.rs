@@ -78,6 +78,17 @@ pub(crate) fn read(path: impl AsRef<Path>) -> Outcome<String> {
     std::fs::read_to_string(&path).map_err(|error| format!("{}: {error}", path.display()))
 }
 
+/// Writes a file.
+pub(crate) fn written(path: PathBuf, bytes: &[u8]) -> Outcome<PathBuf> {
+    std::fs::write(&path, bytes).map_err(|error| fault(&path, &error))?;
+    Ok(path)
+}
+
+/// What went wrong with a file.
+pub(crate) fn fault(path: &Path, what: &dyn std::fmt::Display) -> String {
+    format!("{}: {what}", path.display())
+}
+
 /// Reports a build product, or fails if it does not exist.
 pub(crate) fn built(path: impl AsRef<Path>) -> Outcome {
     let path = path.as_ref();

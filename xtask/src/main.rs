@@ -17,6 +17,7 @@ mod fuzz;
 mod habits;
 mod install;
 mod key;
+mod parts;
 mod peers;
 mod release;
 mod sizes;

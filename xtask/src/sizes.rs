@@ -3,10 +3,14 @@
 //! Flash is what is programmed: code, constants, and initial values of variables. RAM is what is used statically; the rest of the
 //! memory is the stack. The router's core is what lies between the ports: router, rules, frames, queues, counters. Its flash is the
 //! sum of the symbols of its modules in the linked image, after inlining; its RAM is one port's slot in the gateway's statics.
+//!
+//! The H743's image without has a budget for what it had at commit `ed70195`, which is the rest besides the [`parts`] that were added
+//! since, and a budget for all.
 
 use std::path::Path;
 
 use crate::board;
+use crate::parts;
 use crate::tools::{Outcome, command, figure, output, read};
 
 /// Modules of the router's core.
@@ -70,8 +74,9 @@ pub(crate) fn print(boards: &[String]) -> Outcome {
         let image = Image::build(board, &[])?;
         // Eight ports, 64 rules, 16 clients.
         let budget = board == "nucleo_h743zi";
-        image.totals(name, budget.then_some((256.0, 128.0)));
+        image.totals(name, budget.then_some((320.0, 128.0)));
         if budget {
+            image.parts(name, board)?;
             figure("router_core_flash", kib(image.core_flash()), "KiB", Some(24.0));
             image.gateway_ram()?;
             figure("router_core_ram_per_port", kib(image.core_ram()?), "KiB", Some(1.0));
@@ -102,7 +107,8 @@ struct Symbol {
 
 struct Image {
     symbols: Vec<Symbol>,
-    sections: Vec<(String, u64)>,
+    /// Names, sizes and addresses.
+    sections: Vec<(String, u64, u64)>,
 }
 
 impl Image {
@@ -113,7 +119,7 @@ impl Image {
         board::run(board, "build", &arguments)?;
         let image = Self::read(&board::image(board)?)?;
         println!("{board}{}:", features.last().map_or(String::new(), |feature| format!(" with {feature}")));
-        for (name, bytes) in &image.sections {
+        for (name, bytes, _) in &image.sections {
             if [".vector_table", ".text", ".rodata", ".data", ".bss", ".uninit"].contains(&name.as_str()) {
                 println!("  {name:<14} {bytes:7}");
             }
@@ -138,7 +144,7 @@ impl Image {
         let sections = output(command("size", &["-A", "-d"]).arg(file))?;
         let sections = sections.lines().filter_map(|line| {
             let mut words = line.split_whitespace();
-            Some((words.next()?.to_owned(), words.next()?.parse().ok()?))
+            Some((words.next()?.to_owned(), words.next()?.parse().ok()?, words.next()?.parse().ok()?))
         });
         Ok(Self { symbols: symbols.collect(), sections: sections.collect() })
     }
@@ -147,15 +153,32 @@ impl Image {
         self.symbols.iter().filter(move |symbol| kinds.contains(symbol.kind))
     }
 
+    fn sum(&self, of: &[&str]) -> u64 {
+        let sections = self.sections.iter().filter(|(name, ..)| of.contains(&name.as_str()));
+        sections.map(|(_, bytes, _)| bytes).sum()
+    }
+
+    fn flash(&self) -> u64 {
+        self.sum(&[".vector_table", ".text", ".rodata", ".data", ".gnu.sgstubs"])
+    }
+
     fn totals(&self, name: &str, most: Option<(f64, f64)>) {
-        let sum = |of: &[&str]| {
-            let sections = self.sections.iter().filter(|(name, _)| of.contains(&name.as_str()));
-            kib(sections.map(|(_, bytes)| bytes).sum())
-        };
-        let flash = sum(&[".vector_table", ".text", ".rodata", ".data", ".gnu.sgstubs"]);
-        figure(&format!("{name}_flash"), flash, "KiB", most.map(|(flash, _)| flash));
-        let ram = sum(&[".data", ".bss", ".uninit"]);
+        figure(&format!("{name}_flash"), kib(self.flash()), "KiB", most.map(|(flash, _)| flash));
+        let ram = kib(self.sum(&[".data", ".bss", ".uninit"]));
         figure(&format!("{name}_ram"), ram, "KiB", most.map(|(_, ram)| ram));
+    }
+
+    /// Prints the flash of what was added, part by part, and of the rest.
+    fn parts(&self, name: &str, board: &str) -> Outcome {
+        let text = self.sections.iter().find(|(name, ..)| name == ".text");
+        let code = text.map_or(0..0, |&(_, bytes, address)| address..address + bytes);
+        let mut rest = self.flash();
+        for (part, bytes) in parts::bytes(&board::image(board)?, code)? {
+            figure(&format!("{name}_{part}_flash"), kib(bytes), "KiB", None);
+            rest -= bytes;
+        }
+        figure(&format!("{name}_core_flash"), kib(rest), "KiB", Some(256.0));
+        Ok(())
     }
 
     fn core_flash(&self) -> u64 {

@@ -19,8 +19,10 @@ const CRATES: &[&str] = &[
     "ethercat/emulator/src/lib.rs",
     "ethercat/subdevice/src/lib.rs",
     "boards/description/src/lib.rs",
+    "boards/firmware/src/lib.rs",
     "boards/net/src/lib.rs",
     "boards/qemu_mps2/src/main.rs",
+    "boards/rp/src/lib.rs",
     "boards/stm32/src/lib.rs",
 ];
 

@@ -45,7 +45,7 @@ const TASKS: [&str; 4] = ["run_port", "run_connection", "play<", "socket_closed"
 
 /// The gateway's statics, including the futures of its tasks.
 const PARTS: [(&str, &str); 7] = [
-    ("port_futures", "gateway::port::POOL"),
+    ("port_futures", "nucleo144::port::POOL"),
     ("connection_futures", "gateway::connection::POOL"),
     ("settings", "gateway::GATEWAY"),
     ("frames", "gateway::SLOTS"),
@@ -188,11 +188,11 @@ impl Image {
 
     /// The core's RAM for one port.
     fn core_ram(&self) -> Outcome<u64> {
-        let source = read("boards/stm32/src/gateway.rs")?;
+        let source = read("boards/firmware/src/gateway.rs")?;
         let ports = source.lines().find(|line| line.contains("const PORTS: usize = if "));
         let ports =
             ports.and_then(|line| line.rsplit_once("else { ")?.1.strip_suffix(" };")?.parse::<u64>().ok());
-        let ports = ports.ok_or("boards/stm32/src/gateway.rs does not say how many ports there are")?;
+        let ports = ports.ok_or("boards/firmware/src/gateway.rs does not say how many ports there are")?;
         Ok(self.named("gateway::PORT_STATES")? / ports)
     }
 
@@ -206,8 +206,9 @@ impl Image {
         for (part, name) in PARTS {
             figure(&format!("gateway_ram_{part}"), kib(self.named(name)?), "KiB", None);
         }
-        let statics =
-            self.of_kind(VARIABLES).filter(|symbol| symbol.name.contains("mobgate_stm32::gateway::"));
+        let is_gateway =
+            |name: &str| name.contains("mobgate_firmware::gateway::") || name.ends_with(PARTS[0].1);
+        let statics = self.of_kind(VARIABLES).filter(|symbol| is_gateway(&symbol.name));
         // Eight ports, 64 rules, 16 clients.
         figure("gateway_ram", kib(statics.map(|symbol| symbol.bytes).sum()), "KiB", Some(82.5));
         Ok(())
@@ -250,7 +251,7 @@ mod tests {
             ("<&mobgate::settings::rules::Rules as core::fmt::Display>::fmt", false),
             ("mobgate::gateway::reconfigure::draft::{closure#0}", false),
             ("<mobgate::gateway::Gateway>::run_port::<Lines>::{closure#0}", false),
-            ("mobgate_stm32::gateway::start", false),
+            ("mobgate_firmware::gateway::start", false),
         ] {
             assert_eq!(is_core(symbol), core, "{symbol}");
         }

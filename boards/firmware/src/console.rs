@@ -20,15 +20,15 @@ pub trait Terminal: Read + Write {
 }
 
 /// Applies the settings in `flash`, whose two sectors begin at `settings`, or deletes them if `forget`, and serves the console.
+/// Board and terminal are borrowed, because a future stores its arguments twice.
 pub async fn run(
-    mut board: Board,
-    mut terminal: impl Terminal,
+    board: &mut Board,
+    terminal: &mut impl Terminal,
     flash: impl NorFlash,
     settings: u32,
     forget: bool,
 ) {
-    // Borrowed, because a future stores its arguments twice.
-    let serve = pin!(serve(&mut board, &mut terminal, flash, settings, forget));
+    let serve = pin!(serve(board, terminal, flash, settings, forget));
     LIVENESS.watch(Task::Console as usize, serve).await
 }
 

@@ -13,9 +13,9 @@ use mobgate_board::liveness::Liveness;
 use mobgate_net::{Connector, Datagrams, TcpSockets};
 use static_cell::StaticCell;
 
-use crate::network::Network;
+use crate::sockets::Network;
 
-/// Ports of any kind.
+/// Ports of any kind. Some chips have little memory.
 pub const PORTS: usize = if cfg!(feature = "eight-clients") { 6 } else { 8 };
 /// TCP connections of all servers together: sixteen clients (or eight), and one that is accepted before another is closed
 /// for it.

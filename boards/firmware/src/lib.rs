@@ -2,7 +2,7 @@
 //!
 //! * [`gateway`]: the gateway's statics and tasks; [`lines`]: the table of lines, which ports open by name.
 //! * [`network`]: the stack on the board's Ethernet and its sockets.
-//! * [`console`]: the console over any terminal; `start`: the settings at start-up, and the factory reset.
+//! * [`console`]: the console over any terminal; [`start`]: the settings at start-up, and the factory reset.
 //! * [`system`]: the console's interface to the board; [`watchdog`]: whether it may be fed, shown by the lights.
 #![no_std]
 
@@ -10,7 +10,8 @@ pub mod console;
 pub mod gateway;
 pub mod lines;
 pub mod network;
-mod start;
+mod sockets;
+pub mod start;
 // Images without it are smaller, see Cargo.toml.
 #[cfg(feature = "ethercat")]
 pub mod states;

@@ -2,21 +2,26 @@
 
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::mutex::{Mutex, MutexGuard};
-use embassy_time::Instant;
+use embassy_time::{Duration, Instant};
 use embedded_io_async::{ErrorType, Read, Write};
-use mobgate::hal::{Flaws, OpenError, OpenErrorKind, SerialHost, SerialLine};
+use mobgate::hal::{Flaws, OpenError, OpenErrorKind, Relay, SerialHost, SerialLine};
 use mobgate::settings::LineSettings;
 
 /// RS-485 lines of a board.
 pub const LINES: usize = 4;
 
-/// A line of a chip.
+/// A line of a chip. Its [`SerialLine::relay`] is not used: here lines have numbers.
 pub trait Line: SerialLine {
     /// [`SerialHost::never_underruns`].
     const NEVER_UNDERRUNS: bool;
 
     /// Sets speed, character format and driver times, and discards earlier input.
     fn configure(&mut self, line: &LineSettings) -> Result<(), OpenError>;
+
+    /// [`SerialLine::relay`] of what line `from` receives, counted from 0.
+    fn relay_from(&mut self, _from: usize, _relay: Relay) -> bool {
+        false
+    }
 }
 
 /// A line, locked by the port that uses it.
@@ -34,15 +39,14 @@ impl<L> Clone for Lines<L> {
 impl<L> Copy for Lines<L> {}
 
 /// An open line.
-pub struct OpenLine<L: 'static>(MutexGuard<'static, NoopRawMutex, L>);
+pub struct OpenLine<L: Line + 'static>(MutexGuard<'static, NoopRawMutex, L>);
 
 impl<L: Line> SerialHost for Lines<L> {
     type Line<'a> = OpenLine<L>;
 
     async fn open(&mut self, device: &str, settings: &LineSettings) -> Result<OpenLine<L>, OpenError> {
         let hint = "this board's lines are uart1 to uart4";
-        let number = device.strip_prefix("uart").and_then(|number| number.parse::<usize>().ok());
-        let line = number.and_then(|number| self.0.get(number.checked_sub(1)?));
+        let line = number(device).and_then(|number| self.0.get(number));
         let line = line.ok_or(OpenError::new(OpenErrorKind::NotFound, hint))?;
         let mut open = line
             .try_lock()
@@ -56,6 +60,21 @@ impl<L: Line> SerialHost for Lines<L> {
     }
 }
 
+/// The number of line `device`, from 0.
+fn number(device: &str) -> Option<usize> {
+    match device.as_bytes() {
+        [b'u', b'a', b'r', b't', digit @ b'1'..=b'9'] => Some(usize::from(digit - b'1')),
+        _ => None,
+    }
+}
+
+impl<L: Line> Drop for OpenLine<L> {
+    fn drop(&mut self) {
+        self.end_relay();
+        self.hold_driver(false);
+    }
+}
+
 impl<L: Line> SerialLine for OpenLine<L> {
     const RESTS: bool = L::RESTS;
 
@@ -65,6 +84,26 @@ impl<L: Line> SerialLine for OpenLine<L> {
 
     fn take_flaws(&mut self) -> Flaws {
         self.0.take_flaws()
+    }
+
+    fn hold_driver(&mut self, on: bool) {
+        self.0.hold_driver(on);
+    }
+
+    fn relay(&mut self, from: &str, relay: Relay) -> bool {
+        number(from).is_some_and(|from| self.0.relay_from(from, relay))
+    }
+
+    fn end_relay(&mut self) -> Option<Relay> {
+        self.0.end_relay()
+    }
+
+    fn is_relayed(&self) -> bool {
+        self.0.is_relayed()
+    }
+
+    fn silence(&self) -> Duration {
+        self.0.silence()
     }
 }
 

@@ -5,12 +5,13 @@ use core::pin::pin;
 use embassy_executor::Spawner;
 use embassy_futures::join::join3;
 use embassy_net::driver::Driver;
-use embassy_net::{Runner, Stack, StackResources};
+use embassy_net::{Runner, StackResources};
 use mobgate::settings::OwnNetwork;
 use mobgate_net::{STACK_SOCKETS, Sockets, address, mdns};
 use static_cell::{ConstStaticCell, StaticCell};
 
 use crate::gateway::{CONNECTIONS, CONNECTIONS_OUT, LIVENESS, Task, gateway};
+pub use crate::sockets::Network;
 
 /// Open sockets: incoming and outgoing connections, and UDP.
 const SOCKETS: usize = CONNECTIONS + CONNECTIONS_OUT;
@@ -21,17 +22,6 @@ static BUFFERS: ConstStaticCell<[[u8; SOCKET_BYTES]; SOCKETS]> =
     ConstStaticCell::new([[0; SOCKET_BYTES]; SOCKETS]);
 static RESOURCES: StaticCell<StackResources<{ SOCKETS + STACK_SOCKETS }>> = StaticCell::new();
 static POOL: StaticCell<Sockets> = StaticCell::new();
-
-/// A handle of the network's sockets for tasks.
-#[derive(Clone, Copy)]
-pub struct Network(pub(crate) &'static Sockets);
-
-impl Network {
-    /// The network's stack.
-    pub fn stack(&self) -> Stack<'static> {
-        self.0.stack()
-    }
-}
 
 /// Starts the stack on `driver`, with DHCP until the settings are applied. The board runs [`stack`] as a task. `unique`, the chip's
 /// number, keeps boards from sending DHCP requests in step and from starting with the same TCP port.
@@ -47,8 +37,8 @@ pub fn start<D: Driver>(spawner: Spawner, driver: D, unique: &[u8]) -> (Network,
     (Network(sockets), runner)
 }
 
-/// Runs the stack.
-pub async fn stack<D: Driver>(mut runner: Runner<'static, D>) -> ! {
+/// Runs the stack. The runner is borrowed, because a future stores its arguments twice.
+pub async fn stack<D: Driver>(runner: &mut Runner<'static, D>) -> ! {
     LIVENESS.watch(Task::Stack as usize, pin!(runner.run())).await
 }
 

@@ -1,11 +1,32 @@
-//! The settings at start-up: read from the flash, or deleted if the button is held.
+//! The settings at start-up: read from the flash, or deleted if the button is held for 5 s.
 
 use core::fmt;
 
+use embassy_time::{Duration, Timer};
 use mobgate::gateway::reconfigure::{self, Unchanged};
 use mobgate::hal::{Store, StoreError};
 
 use crate::gateway::gateway;
+use crate::watchdog::Lights;
+
+/// Half period of the fast blinking.
+const BLINK: Duration = Duration::from_millis(100);
+/// Hold time of the button for a factory reset: 5 s.
+const HELD_BLINKS: u32 = 50;
+
+/// Whether the button is held for 5 s from now: meanwhile all lights blink fast, and afterwards they are on.
+pub async fn is_held(is_pressed: impl Fn() -> bool, lights: &mut impl Lights) -> bool {
+    for nth in 0..HELD_BLINKS {
+        if !is_pressed() {
+            lights.all(false);
+            return false;
+        }
+        lights.all(nth % 2 == 0);
+        Timer::after(BLINK).await;
+    }
+    lights.all(true);
+    true
+}
 
 /// Why the gateway runs without the saved settings.
 pub(crate) enum Problem {

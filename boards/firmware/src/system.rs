@@ -6,7 +6,7 @@ use heapless::String;
 use mobgate::hal::{NetworkState, System};
 use mobgate_board::last_words::WORDS_BYTES_MAX;
 
-use crate::network::Network;
+use crate::sockets::Network;
 use crate::start::Problem;
 
 /// A board and the events of its start.

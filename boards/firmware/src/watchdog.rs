@@ -1,18 +1,19 @@
 //! Feeds the watchdog as long as every task answers.
 
 use embassy_time::Duration;
+pub use ethercat_subdevice::indicators::Lamps;
 use mobgate::gateway::{Gateway, Status};
 
 use crate::gateway::{LIVENESS, TaskName, gateway};
-use crate::network::Network;
+use crate::sockets::Network;
 
 /// Time limit for the tasks' answers.
 const PERIOD: Duration = Duration::from_millis(500);
 
-/// What the board's lights show.
-pub trait Lights {
-    /// Waits for `time`, showing the EtherCAT state meanwhile; returns whether there was any to show.
-    async fn show_ethercat(&mut self, time: Duration) -> bool;
+/// The board's lights, which also show RUN and ERR of EtherCAT (ETG.1300).
+pub trait Lights: Lamps {
+    /// Switches all of them.
+    fn all(&mut self, on: bool);
 
     /// Shows that every task answers, whether the network `has_address`, and whether a port `is_lost` or failed to open; what
     /// EtherCAT uses is left to it.
@@ -20,11 +21,18 @@ pub trait Lights {
 }
 
 /// Polls the tasks, calls `feed` while all answer, and shows it on the lights. Records the first silent task.
-pub async fn watch(mut feed: impl FnMut(), mut lights: impl Lights, network: Network) -> ! {
+pub async fn watch(mut feed: impl FnMut(), lights: &mut impl Lights, network: Network) -> ! {
     let mut noted = false;
     loop {
         LIVENESS.ask();
-        let ethercat = lights.show_ethercat(PERIOD).await;
+        // Images without it are smaller, see Cargo.toml.
+        #[cfg(feature = "ethercat")]
+        let ethercat = crate::states::ETHERCAT.light_for(lights, PERIOD).await;
+        #[cfg(not(feature = "ethercat"))] // As above.
+        let ethercat = {
+            embassy_time::Timer::after(PERIOD).await;
+            false
+        };
         match LIVENESS.silent() {
             None => {
                 feed();

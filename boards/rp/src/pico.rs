@@ -19,7 +19,7 @@ use mobgate_firmware::gateway::PORTS;
 use mobgate_firmware::lines::{LINES, Lines, SharedLine};
 use mobgate_firmware::network::Network;
 use mobgate_firmware::system::Board;
-use mobgate_firmware::{console as terminal, gateway, network, watchdog};
+use mobgate_firmware::{console as terminal, gateway, network, start as settings, watchdog};
 use static_cell::{ConstStaticCell, StaticCell};
 
 use crate::console::{self, Console};
@@ -76,7 +76,9 @@ pub async fn run(spawner: Spawner, name: &'static str, p: Peripherals) -> ! {
     // Before anything that may hang.
     watchdog.start(WATCHDOG);
     let mut light = Light(Output::new(p.PIN_25, Level::Low));
-    let forget = light.button_is_held(&Input::new(p.PIN_22, Pull::Up)).await;
+    // Pressed, it connects the pin to ground.
+    let button = Input::new(p.PIN_22, Pull::Up);
+    let forget = settings::is_held(|| button.is_low(), &mut light).await;
     let mut flash = Flash::new_blocking(p.FLASH);
     let mut unique = [0; UNIQUE_BYTES];
     // A command to the flash, which cannot fail on the first core.
@@ -125,7 +127,7 @@ pub async fn run(spawner: Spawner, name: &'static str, p: Peripherals) -> ! {
     let (port, device) = console::new(usb::Driver::new(p.USB, Interrupts), name, serial(&unique));
     spawner.spawn(console::run(device).unwrap());
     spawner.spawn(serve(board, port, SettingsFlash(flash), forget).unwrap());
-    watchdog::watch(|| watchdog.feed(WATCHDOG), light, network).await
+    watchdog::watch(|| watchdog.feed(WATCHDOG), &mut light, network).await
 }
 
 /// The unique number in hexadecimal.
@@ -139,8 +141,8 @@ fn serial(unique: &[u8; UNIQUE_BYTES]) -> &'static str {
 }
 
 #[embassy_executor::task]
-async fn stack(runner: Runner<'static, LateEthernet>) -> ! {
-    network::stack(runner).await
+async fn stack(mut runner: Runner<'static, LateEthernet>) -> ! {
+    network::stack(&mut runner).await
 }
 
 #[embassy_executor::task]
@@ -154,6 +156,6 @@ async fn port(index: usize, lines: Lines<PioLine>, network: Network) {
 }
 
 #[embassy_executor::task]
-async fn serve(board: Board, port: Console, flash: SettingsFlash, forget: bool) {
-    terminal::run(board, port, flash, SETTINGS_START, forget).await
+async fn serve(mut board: Board, mut port: Console, flash: SettingsFlash, forget: bool) {
+    terminal::run(&mut board, &mut port, flash, SETTINGS_START, forget).await
 }

@@ -17,9 +17,8 @@ use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::mutex::Mutex;
 use ethercat_subdevice::lan9252::{Lan9252, Wiring};
 use mobgate::fieldbus::serve;
-
-use crate::gateway::{LIVENESS, Task};
-use crate::states::{ETHERCAT, SCANNER};
+use mobgate_firmware::gateway::{LIVENESS, Task};
+use mobgate_firmware::states::{ETHERCAT, SCANNER};
 
 /// Fastest clock at which the LAN9252 needs no pauses within reads. The resulting clocks: 25 MHz on the H7, 27 on the F7, 21 on the
 /// F4.

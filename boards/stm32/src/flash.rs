@@ -69,7 +69,7 @@ impl NorFlash for SettingsFlash {
         // One bank, see above: nothing else can feed the watchdog meanwhile, and the first start erases several sectors in a row.
         #[cfg(feature = "f7")]
         return (from..to).step_by(Self::ERASE_SIZE).try_for_each(|sector| {
-            crate::watchdog::feed();
+            crate::registers::feed_watchdog();
             self.0.blocking_erase(sector, sector + Self::ERASE_SIZE as u32)
         });
         #[cfg(feature = "h7")]

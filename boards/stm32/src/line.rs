@@ -25,6 +25,7 @@ use embassy_time::{Duration, Instant, Timer};
 use embedded_io_async::{ErrorKind, ErrorType, Read, Write};
 use mobgate::hal::{Flaws, OpenError, OpenErrorKind, Relay, SerialLine};
 use mobgate::settings::{Driver, LineSettings, Parity as WireParity};
+use mobgate_firmware::lines::Line;
 
 use crate::registers;
 use crate::shift::{Hardware, NO_FLAWS, SHIFTS, Shift};
@@ -59,7 +60,7 @@ impl Drop for Rest {
 }
 
 /// A line.
-pub(crate) struct Line {
+pub(crate) struct UartLine {
     number: u8,
     setup: Uart<'static, Blocking>,
     hardware: Hardware,
@@ -98,7 +99,7 @@ impl Dma {
     }
 }
 
-impl Line {
+impl UartLine {
     /// Line `number`, whose interrupt must be bound to the [`LineInterrupt`](crate::shift::LineInterrupt) of that number. `setup` uses
     /// [`first_config`], which every UART supports. `driver` is the pin that switches the transceiver, unless `setup` has one.
     pub(crate) fn new(
@@ -123,28 +124,6 @@ impl Line {
         Self { number: number as u8, setup, hardware, shift, ring, transmit, request, mask, is_held: false }
     }
 
-    /// Sets speed, character format and driver times, and discards earlier input.
-    pub(crate) fn configure(&mut self, line: &LineSettings) -> Result<(), OpenError> {
-        let unsupported = |hint| OpenError::new(OpenErrorKind::Unsupported, hint);
-        if line.driver == Driver::Rts {
-            return Err(unsupported("the board switches the driver by itself: remove the word rts"));
-        }
-        let (before, after) = (sixteenths(line, line.driver_before), sixteenths(line, line.driver_after));
-        let most = if self.shift.has_pin() { 0 } else { DRIVER_SIXTEENTHS_MAX };
-        if before.max(after) > most {
-            return Err(unsupported("driver-before and driver-after: less than two bits, and none on an F4"));
-        }
-        // A frame that is cut through pauses for a bit where its sender's crystal is slower. The driver must not release the bus there.
-        let after = if after == 0 { DRIVER_SIXTEENTHS_MAX } else { after };
-        self.mask = if line.data_bits == 7 { 0x7f } else { u8::MAX };
-        self.setup.set_config(&config(line)).map_err(|_| unsupported("speed or character format"))?;
-        registers::complete_setup(self.hardware.uart, before as u8, after as u8);
-        self.shift.configure(line.chars(1));
-        self.clear();
-        self.take_flaws();
-        Ok(())
-    }
-
     /// Discards what was received.
     fn clear(&mut self) {
         critical_section::with(|_| {
@@ -157,11 +136,6 @@ impl Line {
                 }
             }
         });
-    }
-
-    /// Passes on what the line `from` receives: see [`SerialLine::relay`].
-    pub(crate) fn relay(&mut self, from: usize, relay: Relay) -> bool {
-        self.shift.relay(self.number.into(), from, relay)
     }
 }
 
@@ -191,7 +165,38 @@ fn config(line: &LineSettings) -> Config {
     config
 }
 
-impl SerialLine for Line {
+impl Line for UartLine {
+    /// DMA and interrupts feed the transmitter, and a character takes far longer than any task's poll. Only an F7 that saves its
+    /// settings stalls: it breaks off the frame that is being passed on, as it cannot respond in time anyway.
+    const NEVER_UNDERRUNS: bool = true;
+
+    fn configure(&mut self, line: &LineSettings) -> Result<(), OpenError> {
+        let unsupported = |hint| OpenError::new(OpenErrorKind::Unsupported, hint);
+        if line.driver == Driver::Rts {
+            return Err(unsupported("the board switches the driver by itself: remove the word rts"));
+        }
+        let (before, after) = (sixteenths(line, line.driver_before), sixteenths(line, line.driver_after));
+        let most = if self.shift.has_pin() { 0 } else { DRIVER_SIXTEENTHS_MAX };
+        if before.max(after) > most {
+            return Err(unsupported("driver-before and driver-after: less than two bits, and none on an F4"));
+        }
+        // A frame that is cut through pauses for a bit where its sender's crystal is slower. The driver must not release the bus there.
+        let after = if after == 0 { DRIVER_SIXTEENTHS_MAX } else { after };
+        self.mask = if line.data_bits == 7 { 0x7f } else { u8::MAX };
+        self.setup.set_config(&config(line)).map_err(|_| unsupported("speed or character format"))?;
+        registers::complete_setup(self.hardware.uart, before as u8, after as u8);
+        self.shift.configure(line.chars(1));
+        self.clear();
+        self.take_flaws();
+        Ok(())
+    }
+
+    fn relay_from(&mut self, from: usize, relay: Relay) -> bool {
+        self.shift.relay(self.number.into(), from, relay)
+    }
+}
+
+impl SerialLine for UartLine {
     const RESTS: bool = true;
 
     /// Each character still interrupts, for its flaws.
@@ -232,11 +237,11 @@ impl SerialLine for Line {
     }
 }
 
-impl ErrorType for Line {
+impl ErrorType for UartLine {
     type Error = ErrorKind;
 }
 
-impl Read for Line {
+impl Read for UartLine {
     async fn read(&mut self, into: &mut [u8]) -> Result<usize, ErrorKind> {
         let count = poll_fn(|context| {
             self.shift.waker.register(context.waker());
@@ -266,7 +271,7 @@ impl Read for Line {
     }
 }
 
-impl Write for Line {
+impl Write for UartLine {
     async fn write(&mut self, from: &[u8]) -> Result<usize, ErrorKind> {
         if from.is_empty() {
             return Ok(0);

@@ -1,23 +1,37 @@
 //! A NUCLEO-144: its UARTs, pins and DMA channels, the same on all of these boards. See boards/README.md for the connectors.
 
+use cortex_m::peripheral::SCB;
 use embassy_executor::Spawner;
+use embassy_net::Runner;
 use embassy_stm32::flash::Flash;
 use embassy_stm32::gpio::{Input, Pull};
+use embassy_stm32::uid::uid;
 use embassy_stm32::usart::Uart;
 use embassy_stm32::wdg::IndependentWatchdog;
 use embassy_stm32::{Peripherals, pac, peripherals as p};
+use mobgate::settings::{LineSettings, Parity};
+use mobgate_firmware::console::{self, Terminal};
+use mobgate_firmware::gateway::PORTS;
+use mobgate_firmware::lines::{LINES, Line, Lines, SharedLine};
+use mobgate_firmware::network::Network;
+use mobgate_firmware::system::Board;
+use mobgate_firmware::{gateway, network, start, watchdog};
 use static_cell::StaticCell;
 
 use crate::ethernet::{LateEthernet, Parts};
-use crate::flash::SettingsFlash;
+use crate::flash::{SETTINGS_START, SettingsFlash};
 use crate::interrupts::Interrupts;
 use crate::lights::Lights;
-use crate::line::{Dma, Line, first_config};
-use crate::lines::{LINES, Lines, SharedLine};
-use crate::system::Board;
-use crate::{clock, console, gateway, network, registers, watchdog};
+use crate::line::{Dma, UartLine, first_config};
+use crate::{clock, registers};
 
-static SHARED: StaticCell<[SharedLine; LINES]> = StaticCell::new();
+/// Reset after this time without feeding. Erasing a sector of an F7 takes 2 s (4 s at worst), and everything stalls meanwhile. The
+/// watchdog has its own oscillator, which may run a third fast.
+const WATCHDOG_US: u32 = 10_000_000;
+/// The console is on the ST-LINK's virtual COM port.
+const CONSOLE: LineSettings = LineSettings { baud: 115_200, parity: Parity::None, ..LineSettings::DEFAULT };
+
+static SHARED: StaticCell<[SharedLine<UartLine>; LINES]> = StaticCell::new();
 
 /// Line `$number` of the peripherals `$p`: its UART, its receive and transmit pins, the DMA channels for both, of the receiver's also
 /// controller and stream, and the pin that switches the transceiver's driver.
@@ -40,7 +54,7 @@ macro_rules! line {
         line
     }};
     (@ $p:ident, $number:literal, $uart:ident, $from:ident $dma:ident $stream:literal, $to:ident, $driver:expr, $setup:expr) => {
-        Line::new($number, $setup, pac::$uart, Dma::new::<p::$uart, _, _>($p.$from, pac::$dma.st($stream), $p.$to, Interrupts), $driver)
+        UartLine::new($number, $setup, pac::$uart, Dma::new::<p::$uart, _, _>($p.$from, pac::$dma.st($stream), $p.$to, Interrupts), $driver)
     };
 }
 
@@ -52,20 +66,20 @@ pub async fn run(spawner: Spawner, name: &'static str, p: Peripherals) -> ! {
     let watchdog = p.IWDG1;
     #[cfg(not(feature = "h7"))] // As above.
     let watchdog = p.IWDG;
-    let mut watchdog = IndependentWatchdog::new(watchdog, watchdog::TIMEOUT_US);
+    let mut watchdog = IndependentWatchdog::new(watchdog, WATCHDOG_US);
     // Before anything that may hang.
     watchdog.unleash();
     registers::prepare_memories();
     // F4 chips before revision 3 misread bank 2 unless PA12 is held low (errata 2.2.11).
     #[cfg(feature = "f4")]
-    let _held_low = embassy_stm32::gpio::OutputOpenDrain::new_pull(
-        p.PA12,
-        embassy_stm32::gpio::Level::Low,
-        embassy_stm32::gpio::Speed::Low,
-        Pull::Down,
-    );
+    let _held_low = {
+        use embassy_stm32::gpio::{Level, OutputOpenDrain, Speed};
+        OutputOpenDrain::new_pull(p.PA12, Level::Low, Speed::Low, Pull::Down)
+    };
     let mut lights = Lights::new(p.PB0.into(), p.PB7.into(), p.PB14.into());
-    let forget = lights.button_is_held(&Input::new(p.PC13, Pull::Down)).await;
+    // Pressed, it connects the pin to 3.3 V.
+    let button = Input::new(p.PC13, Pull::Down);
+    let forget = start::is_held(|| button.is_high(), &mut lights).await;
 
     let lines = [
         line!(p, 0, USART2, PD6, PD5, DMA1_CH5 DMA1 5, DMA1_CH6, PD4),
@@ -84,9 +98,9 @@ pub async fn run(spawner: Spawner, name: &'static str, p: Peripherals) -> ! {
         transmit: (p.PG13, p.PB13, p.PG11),
         management: (p.ETH_SMA, p.PA2, p.PC1),
     };
-    let network = network::start(spawner, LateEthernet::new(ethernet));
-    let board = Board::new(name, network);
-    gateway::start(spawner, lines, network);
+    let (network, runner) = network::start(spawner, LateEthernet::new(ethernet), &uid());
+    let board = Board::new(name, network, registers::reset_cause(), SCB::sys_reset);
+    spawn(spawner, runner, lines, network);
     // Images without EtherCAT are smaller, see Cargo.toml.
     #[cfg(feature = "ethercat")]
     crate::ethercat::start(
@@ -100,6 +114,37 @@ pub async fn run(spawner: Spawner, name: &'static str, p: Peripherals) -> ! {
     let flash = Flash::new_blocking(p.FLASH);
     #[cfg(not(feature = "f7"))] // As above.
     let flash = Flash::new(p.FLASH, Interrupts);
-    console::start(spawner, board, terminal, SettingsFlash::new(flash), forget);
-    watchdog::watch(watchdog, lights, network).await
+    // Spawned once: the task slot is free.
+    spawner.spawn(serve(board, terminal, SettingsFlash::new(flash), forget).unwrap());
+    watchdog::watch(|| watchdog.pet(), &mut lights, network).await
+}
+
+/// Starts the stack, the gateway and its ports.
+fn spawn(spawner: Spawner, runner: Runner<'static, LateEthernet>, lines: Lines<UartLine>, network: Network) {
+    // Each pool has room for the tasks spawned here, and this runs once: no `unwrap` can fail.
+    spawner.spawn(stack(runner).unwrap());
+    gateway::start(spawner, network);
+    for index in 0..PORTS {
+        spawner.spawn(port(index, lines, network).unwrap());
+    }
+}
+
+impl Terminal for UartLine {}
+
+#[embassy_executor::task]
+async fn stack(mut runner: Runner<'static, LateEthernet>) -> ! {
+    network::stack(&mut runner).await
+}
+
+#[embassy_executor::task(pool_size = PORTS)]
+async fn port(index: usize, lines: Lines<UartLine>, network: Network) {
+    gateway::port(index, lines, network).await
+}
+
+#[embassy_executor::task]
+async fn serve(mut board: Board, mut terminal: UartLine, flash: SettingsFlash, forget: bool) {
+    // Every chip supports this format. Only the error's kind, because formatting its hint would pull the Unicode tables (3 KiB)
+    // into the image.
+    terminal.configure(&CONSOLE).map_err(|error| error.kind).unwrap();
+    console::run(&mut board, &mut terminal, flash, SETTINGS_START, forget).await
 }

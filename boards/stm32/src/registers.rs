@@ -158,6 +158,13 @@ pub(crate) fn prepare_memories() {
     }
 }
 
+/// Feeds the watchdog before an operation that stalls the chip; has no effect before the watchdog is started.
+#[cfg(feature = "f7")]
+pub(crate) fn feed_watchdog() {
+    use embassy_stm32::pac::{IWDG, iwdg::vals::Key};
+    IWDG.kr().write(|command| command.set_key(Key::RESET));
+}
+
 /// Clears the flash's error flags: embassy-stm32 writes the status register, which does not clear them on the H7, and would refuse
 /// every operation after an error until the next reset.
 #[cfg(feature = "h7")]

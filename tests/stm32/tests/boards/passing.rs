@@ -97,7 +97,7 @@ fn work(machine: &mut Machine, frame: &[u8]) -> [f64; 2] {
     machine.sent(Uart::Line2);
     let is_relay = |name: &str| name.ends_with("::step");
     assert!(busiest.iter().any(|(_, name)| is_relay(name)), "nothing was passed on by an interrupt");
-    let parts = ["<mobgate_stm32::shift::Shift>", "<mobgate_stm32::line::Line as", "USART", "UART"];
+    let parts = ["<mobgate_stm32::shift::Shift>", "<mobgate_stm32::line::UartLine as", "USART", "UART"];
     let is_driver = |name: &str| parts.iter().any(|part| name.starts_with(part)) && !is_relay(name);
     let sum = |driver| {
         busiest.iter().filter(|(_, name)| is_driver(name) == driver).map(|(count, _)| *count as f64).sum()

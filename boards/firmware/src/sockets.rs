@@ -5,10 +5,11 @@ use mobgate_net::Sockets;
 
 /// The board's network.
 #[derive(Clone, Copy)]
-pub(crate) struct Network(pub(crate) &'static Sockets);
+pub struct Network(pub(crate) &'static Sockets);
 
 impl Network {
-    pub(crate) fn stack(&self) -> Stack<'static> {
+    /// The network's stack.
+    pub fn stack(&self) -> Stack<'static> {
         self.0.stack()
     }
 }

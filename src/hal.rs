@@ -1,4 +1,4 @@
-//! The board's interface: serial lines, TCP and UDP sockets, storage for settings, and information about the board.
+//! The board's interface: serial lines, TCP and UDP sockets, storage for settings, new firmware, and information about the board.
 //!
 //! A board implements these traits for its hardware; the core's port tasks own the implementors and open what the settings name.
 //! Everything is polled from one executor, so no trait requires `Send`.
@@ -12,8 +12,12 @@ use embedded_io_async::{Read, Write};
 use crate::settings::{LineSettings, ServerAddress, StaticAddress, TcpListen};
 
 mod relay;
+mod update;
 
 pub use self::relay::Relay;
+pub use self::update::{
+    FirmwareState, NoUpdate, SharedUpdate, Update, UpdateError, VERSION_BYTES_MAX, Version,
+};
 
 /// Why something could not be opened, with a hint for the user.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -290,6 +294,11 @@ pub trait System {
     /// Writes line `n` (from 0, without line end) of the board's own report: the reset cause, and how its last run ended. `None`
     /// after the last line.
     fn write_event(&self, _n: usize, _out: &mut dyn fmt::Write) -> Option<fmt::Result> {
+        None
+    }
+
+    /// How the firmware that runs came to run; `None` without updates.
+    fn firmware(&self) -> Option<FirmwareState> {
         None
     }
 

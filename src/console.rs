@@ -36,6 +36,7 @@ mod table;
 #[cfg(test)]
 mod tests;
 mod tune;
+mod update;
 mod wait;
 
 use core::future::pending;
@@ -51,7 +52,7 @@ use self::shell::Shell;
 use self::wait::{Wait, WaitEvent};
 use crate::gateway::Gateway;
 use crate::gateway::reconfigure;
-use crate::hal::{Store, System};
+use crate::hal::{Store, System, Update};
 
 /// Bytes taken from the stream at a time.
 const CHUNK_BYTES_MAX: usize = 64;
@@ -60,18 +61,20 @@ const STOP_BYTES_MAX: usize = 16;
 
 /// Runs a session until `exit`, the end of input, or a stream error; returns how it ended.
 ///
-/// The future takes less than 7 kB on a 32-bit chip. Dropping it during `save` leaves an unfinished version in `store`: the next
-/// session needs another store instance.
-pub async fn run<IO, S, Y>(
+/// The future takes less than 7 kB on a 32-bit chip. Dropping it during `save` leaves an unfinished version in `store`, and during
+/// `update` an unfinished image in `update`: the next session needs other instances.
+pub async fn run<IO, S, U, Y>(
     gateway: &Gateway<'_>,
     mut stream: IO,
     store: &mut S,
+    update: &mut U,
     system: &Y,
     mode: Mode,
 ) -> Result<Ended, IO::Error>
 where
     IO: Read + Write,
     S: Store,
+    U: Update,
     Y: System,
 {
     let mut shell = Shell::new(gateway, system, mode);
@@ -82,6 +85,14 @@ where
     loop {
         stream.write_all(shell.session.out.text.as_bytes()).await?;
         shell.session.out.clear();
+        if let Wait::Update { allow_older } = wait {
+            stream.flush().await?;
+            let received = update::receive(&mut stream, update, allow_older).await?;
+            // What was typed ahead may be of the transfer.
+            keys = if U::EXISTS { 0..0 } else { keys };
+            wait = shell.updated(received);
+            continue;
+        }
         let is_idle = matches!(wait, Wait::Key);
         let came = if matches!(wait, Wait::Sent) {
             WaitEvent::Nothing
@@ -129,7 +140,8 @@ fn line_end(bytes: &[u8], count: usize) -> Option<usize> {
 async fn work<S: Store>(shell: &mut Shell<'_, '_>, store: &mut S, wait: Wait) -> WaitEvent {
     let Shell { input, session, .. } = shell;
     match wait {
-        Wait::Sent | Wait::Exit | Wait::End => {}
+        // `Update` needs the stream.
+        Wait::Sent | Wait::Exit | Wait::End | Wait::Update { .. } => {}
         Wait::Key => pending().await,
         Wait::Pause(time) | Wait::Rest(time) => Timer::after(time).await,
         Wait::Answer { .. } => {

@@ -172,6 +172,19 @@ save force\talso where the file was edited since it was read",
     ),
     ("load", command("load\ttakes the saved settings back", |_, words, _| alone(words, Wait::Load))),
     (
+        "update",
+        command(
+            "update [older]\ttakes new firmware from this terminal, by YMODEM
+update\tthen send the file: sb in Linux and minicom,
+\tTransfer, YMODEM in Tera Term; Ctrl-C cancels
+update older\talso if it is older than what runs here
+  A file with a right signature starts at once, on trial: if it does not
+  prove itself, what runs now comes back, with its settings.",
+            |session, words, _| session.update(words),
+        )
+        .then(&[Offer::Words(&["older"])], &[]),
+    ),
+    (
         "reboot",
         command("reboot\tstarts again with the saved settings", |session, words, _| {
             let wait = alone(words, Wait::Reboot)?;
@@ -221,6 +234,7 @@ const ELSEWHERE: &[(&str, &str)] = &[
     ("set", "edit"),
     ("commit", "save"),
     ("restart", "reboot"),
+    ("upgrade", "update"),
 ];
 
 /// The command at this index.

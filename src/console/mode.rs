@@ -19,6 +19,11 @@ pub enum Mode {
 }
 
 impl Mode {
+    /// Whether its user is at the gateway, and may go back to older firmware.
+    pub(super) fn is_local(self) -> bool {
+        self != Self::Network
+    }
+
     /// Whether the session edits lines.
     pub(super) fn edits(self) -> bool {
         matches!(self, Self::Echo | Self::Foreground)

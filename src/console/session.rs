@@ -2,8 +2,8 @@
 
 use core::fmt;
 
-use super::mode::Ended;
-use super::output::Output;
+use super::mode::{Ended, Mode};
+use super::output::{COLUMNS, Output};
 use super::wait::Wait;
 use crate::fieldbus::{EthercatState, LineWriter};
 use crate::gateway::Gateway;
@@ -18,6 +18,8 @@ use crate::settings::PortId;
 pub(super) struct Session<'s, 'g> {
     pub(super) gateway: &'s Gateway<'g>,
     pub(super) system: &'s dyn System,
+    /// Whether the user is at the gateway.
+    pub(super) is_local: bool,
     pub(super) out: Output,
     /// The line number for errors, in sessions without an editor.
     pub(super) line_number: Option<u32>,
@@ -32,16 +34,13 @@ pub(super) struct Session<'s, 'g> {
 }
 
 impl<'s, 'g> Session<'s, 'g> {
-    pub(super) fn new(
-        gateway: &'s Gateway<'g>,
-        system: &'s dyn System,
-        line_end: &'static str,
-        columns: Option<usize>,
-        line_number: Option<u32>,
-    ) -> Self {
+    pub(super) fn new(gateway: &'s Gateway<'g>, system: &'s dyn System, mode: Mode) -> Self {
+        let (line_end, columns, line_number) =
+            if mode.edits() { ("\r\n", Some(COLUMNS), None) } else { ("\n", None, Some(0)) };
         Self {
             gateway,
             system,
+            is_local: mode.is_local(),
             out: Output::new(line_end, columns),
             line_number,
             line_writer: None,

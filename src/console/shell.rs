@@ -4,11 +4,11 @@ use super::complete::{Completion, candidates, complete};
 use super::input::{Input, Typed};
 use super::job::Job;
 use super::mode::{Ended, Mode, PROMPT, PROMPT_UNSAVED};
-use super::output::COLUMNS;
 use super::session::Session;
+use super::update::Failed;
 use super::wait::{Wait, WaitEvent};
 use crate::gateway::Gateway;
-use crate::hal::System;
+use crate::hal::{System, Version};
 use crate::language::{Words, Wrong};
 
 /// A session.
@@ -22,10 +22,12 @@ pub(super) struct Shell<'s, 'g> {
 
 impl<'s, 'g> Shell<'s, 'g> {
     pub(super) fn new(gateway: &'s Gateway<'g>, system: &'s dyn System, mode: Mode) -> Self {
-        let (line_end, columns, line_number) =
-            if mode.edits() { ("\r\n", Some(COLUMNS), None) } else { ("\n", None, Some(0)) };
-        let session = Session::new(gateway, system, line_end, columns, line_number);
-        Self { input: Input::new(mode), session, job: Job::Idle, ended: false }
+        Self {
+            input: Input::new(mode),
+            session: Session::new(gateway, system, mode),
+            job: Job::Idle,
+            ended: false,
+        }
     }
 
     /// Waits for the first key of a line.
@@ -69,6 +71,14 @@ impl<'s, 'g> Shell<'s, 'g> {
             // This input did not stop the command: it begins the next one.
             WaitEvent::Key(byte @ b' '..=b'~') if !was_idle => self.step(WaitEvent::Key(byte)),
             _ => wait,
+        }
+    }
+
+    /// Reports the outcome of an update; a new image is started.
+    pub(super) fn updated(&mut self, received: Result<Version, Failed>) -> Wait {
+        match self.session.updated(received) {
+            Wait::End => self.start(),
+            wait => wait,
         }
     }
 

@@ -37,6 +37,7 @@ pub(super) enum Show {
     Log,
     Frames,
     Version,
+    Update,
 }
 
 /// The topics with their help.
@@ -55,6 +56,7 @@ pub(super) const TOPICS: &[(&str, (Show, &str))] = &[
     ("log", (Show::Log, "the last transactions")),
     ("frames", (Show::Frames, "the last frames, as they were on the wire")),
     ("version", (Show::Version, "what runs here, and for how long")),
+    ("update", (Show::Update, "whether new firmware is on trial, or went back")),
 ];
 const TOPICS_EXPECTED: &str = listed!(TOPICS);
 
@@ -130,6 +132,7 @@ fn write(
         Show::Network => network(source.settings, system.network(), place, out),
         Show::Log => event(source, system, place, out),
         Show::Version => version(source, system, place, out),
+        Show::Update => update(system, place, out),
         Show::Frames => None,
     }
 }
@@ -148,7 +151,7 @@ const fn columns(what: Show) -> Columns {
         Show::Registers => &[5, 7],
         Show::Points => points::COLUMNS,
         Show::Devices => points::DEVICE_COLUMNS,
-        Show::Config | Show::Frames | Show::Version => &[],
+        Show::Config | Show::Frames | Show::Version | Show::Update => &[],
     }
 }
 
@@ -324,9 +327,20 @@ fn version(source: &Source<'_, '_>, system: &dyn System, place: usize, out: &mut
     let up = age(Instant::from_ticks(0), now);
     (place == 0).then(|| {
         write!(out, "mobgate {version} on {board}, up {up}")?;
+        if let Some(firmware) = system.firmware() {
+            write!(out, ", {firmware}")?;
+        }
         let Some(controller) = gateway.ethercat_controller(settings) else { return Ok(()) };
         write!(out, ", {controller}")?;
         let indicators = gateway.ethercat().and_then(EthercatState::indicators);
         indicators.map_or(Ok(()), |indicators| write!(out, ", {indicators}"))
+    })
+}
+
+fn update(system: &dyn System, place: usize, out: &mut dyn fmt::Write) -> Written {
+    let version = env!("CARGO_PKG_VERSION");
+    (place == 0).then(|| match system.firmware() {
+        Some(firmware) => write!(out, "{version}: {firmware}"),
+        None => write!(out, "{version}, which does not update itself: see update"),
     })
 }

@@ -25,7 +25,7 @@ use mobgate_clock as _;
 use super::*;
 use crate::frame::{FramePool, Slot};
 use crate::gateway::{Connection, Ports};
-use crate::hal::{NetworkState, StoreError};
+use crate::hal::{NetworkState, NoUpdate, StoreError};
 use crate::modbus::Exception;
 use crate::scanner::ScannerState;
 use crate::settings::{LINE_BYTES_MAX, OwnNetwork, PortId, StaticAddress};
@@ -118,6 +118,11 @@ impl System for Bench {
     }
 }
 
+/// No new firmware.
+fn none() -> NoUpdate {
+    NoUpdate("this is a bench")
+}
+
 const CONNECTIONS: usize = 40;
 
 /// Calls `test` with a gateway of four port places.
@@ -132,7 +137,7 @@ fn with_gateway(test: impl FnOnce(&Gateway<'_>)) {
 
 fn session(gateway: &Gateway<'_>, store: &mut Memory, mode: Mode, typed: &str, piece: usize) -> String {
     let mut stream = Stream { typed: typed.as_bytes(), piece, printed: Vec::new() };
-    block_on(run(gateway, &mut stream, store, &Bench::default(), mode)).unwrap();
+    block_on(run(gateway, &mut stream, store, &mut none(), &Bench::default(), mode)).unwrap();
     String::from_utf8(stream.printed).unwrap()
 }
 
@@ -189,7 +194,7 @@ fn an_error_in_piped_input_names_its_line_and_the_rest_goes_on() {
              error: line 3, column 33: \"81E\": expected a format such as 8E1, 7E1, 8N1 or 8N2\n\
              error: line 5, column 1: \"shwo\": expected a command (see help); did you mean show?\n\
              error: line 6, column 6: \"prots\": expected ports, servers, routes, units, clients, stats, points, \
-             devices, registers, config, network, log, frames or version; did you mean ports?\n\
+             devices, registers, config, network, log, frames, version or update; did you mean ports?\n\
              error: line 7, column 12: \"now\": expected the end of the line\n"
         );
         assert_eq!(pipe(gateway, "show config"), "port P1 serial uart1 rtu client 19200 8E1\n");
@@ -330,7 +335,15 @@ fn lines_that_are_too_long_or_no_text_are_refused_as_a_whole() {
         let printed = typed(gateway, &long);
         assert!(printed.contains(&format!("\r\nerror: {error}")), "{printed}");
         let mut stream = Stream { typed: b"show \xff\n", piece: 64, printed: Vec::new() };
-        block_on(run(gateway, &mut stream, &mut Memory::default(), &Bench::default(), Mode::Plain)).unwrap();
+        block_on(run(
+            gateway,
+            &mut stream,
+            &mut Memory::default(),
+            &mut none(),
+            &Bench::default(),
+            Mode::Plain,
+        ))
+        .unwrap();
         assert_eq!(stream.printed, b"error: line 1, column 6: end of line: the line is not text (UTF-8)\n");
     });
 }
@@ -343,7 +356,7 @@ proptest::proptest! {
         with_gateway(|gateway| {
             for mode in [Mode::Echo, Mode::Plain] {
                 let mut stream = Stream { typed: &bytes, piece: 64, printed: Vec::new() };
-                block_on(run(gateway, &mut stream, &mut Memory::default(), &Bench::default(), mode)).unwrap();
+                block_on(run(gateway, &mut stream, &mut Memory::default(), &mut none(), &Bench::default(), mode)).unwrap();
             }
         });
     }
@@ -355,7 +368,8 @@ fn a_session_fits_into_twenty_five_kilobytes() {
         let mut stream = Stream { typed: b"", piece: 1, printed: Vec::new() };
         let mut store = Memory::default();
         let system = Bench::default();
-        let future = run(gateway, &mut stream, &mut store, &system, Mode::Echo);
+        let mut update = none();
+        let future = run(gateway, &mut stream, &mut store, &mut update, &system, Mode::Echo);
         let bytes = size_of_val(&future);
         assert!(bytes < 25 * 1024, "{bytes}");
     });

@@ -34,6 +34,10 @@ pub(super) enum Wait {
         whatever: bool,
     },
     Load,
+    /// The file of a new image.
+    Update {
+        allow_older: bool,
+    },
     Reboot,
     /// The end of the command.
     End,

@@ -6,7 +6,7 @@ use std::convert::Infallible;
 use embedded_io_async::ErrorType;
 use mobgate::console::{Ended, Mode, run};
 use mobgate::gateway::Gateway;
-use mobgate::hal::{Store, StoreError};
+use mobgate::hal::{NoUpdate, Store, StoreError};
 use mobgate_simulator::console::Simulator;
 use mobgate_simulator::random::{Random, chosen};
 
@@ -237,8 +237,14 @@ fn type_lines(seed: u64, mode: Mode) -> (usize, usize) {
             changes: 0,
             refusals: 0,
         };
-        let Ok(ended) =
-            world.run_until(run(rig.gateway, &mut typist, &mut Memory::default(), &Simulator, mode));
+        let Ok(ended) = world.run_until(run(
+            rig.gateway,
+            &mut typist,
+            &mut Memory::default(),
+            &mut NoUpdate("this is a simulation"),
+            &Simulator,
+            mode,
+        ));
         let last = String::from_utf8_lossy(&typist.line);
         assert!(matches!(ended, Ended::Left { .. }), "{ended:?} after {last:?}");
         assert_eq!(typist.lines, 0, "the session ended after {last:?}");

@@ -41,4 +41,5 @@ mod tcp_torture;
 mod torture;
 mod tune;
 mod units;
+mod update;
 mod visitors;

@@ -7,6 +7,7 @@ use embassy_sync::mutex::Mutex;
 use embedded_io_async::{Read, Write};
 use embedded_storage_async::nor_flash::NorFlash;
 use mobgate::console::{self, Mode};
+use mobgate::hal::NoUpdate;
 use mobgate_flash::{FlashStore, SharedStore};
 
 use crate::gateway::{LIVENESS, Task, gateway};
@@ -17,6 +18,11 @@ use crate::system::Board;
 pub trait Terminal: Read + Write {
     /// Waits for somebody, where that can be known.
     async fn opened(&mut self) {}
+}
+
+/// Without a boot loader.
+fn by_probe() -> NoUpdate {
+    NoUpdate("this board has no boot loader, and is flashed")
 }
 
 /// Applies the settings in `flash`, whose two sectors begin at `settings`, or deletes them if `forget`, and serves the console.
@@ -50,7 +56,8 @@ async fn serve(
         loop {
             terminal.opened().await;
             // `exit` starts a new session, and so does a terminal that was unplugged.
-            let _ = console::run(gateway(), &mut *terminal, &mut store, &*board, Mode::Echo).await;
+            let _ =
+                console::run(gateway(), &mut *terminal, &mut store, &mut by_probe(), &*board, Mode::Echo).await;
             store = SharedStore::new(&flash);
         }
     });

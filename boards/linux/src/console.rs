@@ -9,7 +9,7 @@ use std::rc::Rc;
 use embassy_time::{Duration, Timer};
 use mobgate::console::{self, Ended, Mode};
 use mobgate::gateway::Gateway;
-use mobgate::hal::{OpenError, System, TcpHost};
+use mobgate::hal::{NoUpdate, OpenError, System, TcpHost};
 use mobgate::settings::TcpListen;
 use rustix::termios::isatty;
 
@@ -31,6 +31,11 @@ pub use sessions::{SESSIONS_MAX, Sessions};
 /// Pause after a failed accept.
 const ACCEPT_PAUSE: Duration = Duration::from_secs(1);
 
+/// Updates of a program are not its own.
+pub(crate) fn by_package() -> NoUpdate {
+    NoUpdate("the package manager brings new versions: apt install ./mobgate_*.deb")
+}
+
 /// Serves standard input as a terminal or as lines of text until its end. Then (`/dev/null`, a service) the console ends and the
 /// gateway continues. Returns true if the user wants the program to end.
 pub async fn on_stdio(gateway: &Gateway<'_>, mut store: FileStore, system: &impl System) -> bool {
@@ -43,7 +48,7 @@ pub async fn on_stdio(gateway: &Gateway<'_>, mut store: FileStore, system: &impl
     };
     let mode = if isatty(std::io::stdin()) { Mode::Foreground } else { Mode::Plain };
     loop {
-        match console::run(gateway, &mut stdio, &mut store, system, mode).await {
+        match console::run(gateway, &mut stdio, &mut store, &mut by_package(), system, mode).await {
             Ok(Ended::Stopped) => return true,
             Ok(_) if mode == Mode::Foreground && !stdio.has_ended() => {}
             _ => return false,

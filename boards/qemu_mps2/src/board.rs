@@ -11,7 +11,7 @@ use heapless::String;
 use mobgate::console::{self, Mode};
 use mobgate::gateway::Gateway;
 use mobgate::gateway::reconfigure;
-use mobgate::hal::{NetworkState, System};
+use mobgate::hal::{NetworkState, NoUpdate, System};
 use mobgate::language::Loader;
 use mobgate_board::last_words::WORDS_BYTES_MAX;
 use mobgate_flash::{FlashStore, SharedStore};
@@ -98,10 +98,11 @@ impl System for Board {
 pub(crate) async fn console(gateway: &Gateway<'_>, mut store: Store, board: Board) {
     let mut line = Line::open(CONSOLE, DIVISOR_MIN);
     let mut kept = store.another();
+    let mut update = NoUpdate("QEMU starts the image that it is given");
     let sessions = async {
         loop {
             // After `exit` a new session begins: there is no shell to return to.
-            let Ok(_) = console::run(gateway, &mut line, &mut store, &board, Mode::Echo).await;
+            let Ok(_) = console::run(gateway, &mut line, &mut store, &mut update, &board, Mode::Echo).await;
         }
     };
     join(gateway.keep_settings(&mut kept), sessions).await;

@@ -41,7 +41,8 @@ fn a_board_with_a_network_of_its_own_follows_the_settings_and_shows_its_address(
     let show = |network| {
         let board = Bench { network: Some(network), ..Bench::default() };
         let mut stream = Stream { typed: b"show network", piece: 50, printed: Vec::new() };
-        block_on(run(&gateway, &mut stream, &mut Memory::default(), &board, Mode::Plain)).unwrap();
+        block_on(run(&gateway, &mut stream, &mut Memory::default(), &mut none(), &board, Mode::Plain))
+            .unwrap();
         String::from_utf8(stream.printed).unwrap()
     };
     let hardware = [2, 0, 0, 0xab, 0, 1];
@@ -63,7 +64,8 @@ fn what_the_board_has_to_report_stands_above_the_transactions() {
         let mut stream = Stream { typed: b"show log", piece: 50, printed: Vec::new() };
         let board =
             Bench { events: &["reset by the watchdog", "before: it stood still"], ..Bench::default() };
-        block_on(run(gateway, &mut stream, &mut Memory::default(), &board, Mode::Plain)).unwrap();
+        block_on(run(gateway, &mut stream, &mut Memory::default(), &mut none(), &board, Mode::Plain))
+            .unwrap();
         let printed = String::from_utf8(stream.printed).unwrap();
         assert!(printed.starts_with("reset by the watchdog\nbefore: it stood still\n      AGE"), "{printed}");
     });
@@ -74,7 +76,8 @@ fn reboot_asks_the_board() {
     with_gateway(|gateway| {
         let system = Bench::default();
         let mut stream = Stream { typed: b"reboot\n", piece: 64, printed: Vec::new() };
-        block_on(run(gateway, &mut stream, &mut Memory::default(), &system, Mode::Plain)).unwrap();
+        block_on(run(gateway, &mut stream, &mut Memory::default(), &mut none(), &system, Mode::Plain))
+            .unwrap();
         assert_eq!((stream.printed.as_slice(), system.reboots.get()), (&b"starting again\n"[..], 1));
     });
 }

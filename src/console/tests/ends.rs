@@ -10,7 +10,8 @@ fn ended(mode: Mode, typed: &[u8], piece: usize) -> (String, Ended, String) {
         pipe(gateway, SETTINGS);
         let mut stream = Stream { typed, piece, printed: Vec::new() };
         let ended =
-            block_on(run(gateway, &mut stream, &mut Memory::default(), &Bench::default(), mode)).unwrap();
+            block_on(run(gateway, &mut stream, &mut Memory::default(), &mut none(), &Bench::default(), mode))
+                .unwrap();
         came = Some((String::from_utf8(stream.printed).unwrap(), ended, pipe(gateway, "show config")));
     });
     came.unwrap()

@@ -7,7 +7,7 @@ use embassy_time::{Duration, Instant, Timer};
 use embedded_io_async::{ErrorType, Read, Write};
 use mobgate::console::{Mode, run};
 use mobgate::gateway::Gateway;
-use mobgate::hal::{Store, StoreError, System};
+use mobgate::hal::{NoUpdate, Store, StoreError, System};
 
 /// Types `text` at a console of `gateway`, and gives what it prints.
 pub async fn typed(gateway: &Gateway<'_>, text: &str) -> String {
@@ -31,7 +31,9 @@ async fn typed_in(gateway: &Gateway<'_>, parts: &[(Duration, &str)], mode: Mode)
         (at, text.as_bytes())
     });
     let mut terminal = Terminal { parts: parts.collect(), printed: Vec::new() };
-    let Ok(_) = run(gateway, &mut terminal, &mut NoStore, &Simulator, mode).await;
+    let Ok(_) =
+        run(gateway, &mut terminal, &mut NoStore, &mut NoUpdate("this is a simulation"), &Simulator, mode)
+            .await;
     String::from_utf8_lossy(&terminal.printed).into_owned()
 }
 
@@ -71,7 +73,7 @@ impl Write for Terminal<'_> {
 }
 
 /// Nothing is saved in a simulation.
-struct NoStore;
+pub struct NoStore;
 
 impl Store for NoStore {
     async fn read(&mut self, _offset: usize, _into: &mut [u8]) -> Result<usize, StoreError> {

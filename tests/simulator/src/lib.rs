@@ -14,6 +14,7 @@ pub mod device;
 #[cfg(feature = "masters")] // A MainDevice writes to it.
 pub mod drive;
 pub mod fault;
+pub mod firmware;
 pub mod flash;
 pub mod framing;
 pub mod master;
@@ -26,6 +27,7 @@ pub mod share;
 pub mod shared_bus;
 pub mod timing;
 pub mod wire;
+pub mod ymodem;
 
 pub use client::Client;
 pub use device::Device;

@@ -12,6 +12,7 @@ use mobgate::console::{self, Ended, Mode};
 use mobgate::gateway::Gateway;
 use mobgate::hal::System;
 
+use super::by_package;
 use super::guest::Guest;
 use super::hello::{Hello, farewell};
 use crate::store::FileStore;
@@ -98,7 +99,7 @@ async fn session(
     system: &impl System,
 ) -> io::Result<Ended> {
     let mode = guest.begin().await?;
-    console::run(gateway, Watched { guest, last }, &mut store, system, mode).await
+    console::run(gateway, Watched { guest, last }, &mut store, &mut by_package(), system, mode).await
 }
 
 /// Ends a session and tells its user why; returns the guest that displaced it.

@@ -1,0 +1,150 @@
+//! `update`: takes a new image from the terminal, by YMODEM.
+
+mod ymodem;
+
+use core::fmt;
+
+use embassy_time::{Duration, Timer, with_timeout};
+use embedded_io_async::{Read, Write};
+
+use self::ymodem::{CANCEL, Came, Receiver, Stopped};
+use super::session::Session;
+use super::wait::Wait;
+use crate::hal::{Update, UpdateError, Version};
+use crate::language::{Words, Wrong};
+
+/// Bytes taken from the stream at a time.
+const CHUNK_BYTES_MAX: usize = 64;
+/// The silence after which the terminal is back from its transfer, and shows text.
+const BACK_AFTER: Duration = Duration::from_secs(1);
+/// Pieces that are dropped before that, at most.
+const DROPPED_MAX: usize = 1000;
+
+/// Why no image was taken.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Failed {
+    Stopped(Stopped),
+    Refused(UpdateError),
+}
+
+impl fmt::Display for Failed {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Stopped(why) => why.fmt(f),
+            Self::Refused(why) => why.fmt(f),
+        }
+    }
+}
+
+/// Receives a file from `stream` into `update`.
+pub(super) async fn receive<IO, U>(
+    stream: &mut IO,
+    update: &mut U,
+    allow_older: bool,
+) -> Result<Result<Version, Failed>, IO::Error>
+where
+    IO: Read + Write,
+    U: Update,
+{
+    if !U::EXISTS {
+        let refused = update.begin(None, allow_older).await.err().unwrap_or(UpdateError::Failed);
+        return Ok(Err(Failed::Refused(refused)));
+    }
+    let received = transfer(stream, update, allow_older).await;
+    update.discard();
+    let received = received?;
+    if received.is_err() {
+        stream.write_all(CANCEL).await?;
+        stream.flush().await?;
+    }
+    let mut chunk = [0; CHUNK_BYTES_MAX];
+    for _ in 0..DROPPED_MAX {
+        match with_timeout(BACK_AFTER, stream.read(&mut chunk)).await {
+            Ok(Ok(1..)) => {}
+            Ok(Ok(0)) => {
+                Timer::after(BACK_AFTER).await;
+                break;
+            }
+            Ok(Err(error)) => return Err(error),
+            Err(_) => break,
+        }
+    }
+    Ok(received)
+}
+
+async fn transfer<IO, U>(
+    stream: &mut IO,
+    update: &mut U,
+    allow_older: bool,
+) -> Result<Result<Version, Failed>, IO::Error>
+where
+    IO: Read + Write,
+    U: Update,
+{
+    let (mut receiver, mut version) = (Receiver::new(), Version::new());
+    let (mut chunk, mut bytes) = ([0; CHUNK_BYTES_MAX], 0..0);
+    loop {
+        let came = match bytes.next().and_then(|at| chunk.get(at)) {
+            Some(byte) => receiver.feed(*byte),
+            None => match with_timeout(receiver.patience(), stream.read(&mut chunk)).await {
+                Ok(Ok(0)) => Came::Stopped(Stopped::Silent),
+                Ok(read) => {
+                    bytes = 0..read?;
+                    continue;
+                }
+                Err(_) => receiver.silence(),
+            },
+        };
+        let done = match came {
+            Came::More => continue,
+            Came::Send(bytes) => {
+                send(stream, bytes).await?;
+                continue;
+            }
+            Came::Done(bytes) => {
+                send(stream, bytes).await?;
+                return Ok(Ok(version));
+            }
+            Came::Stopped(why) => return Ok(Err(Failed::Stopped(why))),
+            Came::Begin(length) => update.begin(length, allow_older).await,
+            Came::Data => update.write(receiver.data()).await,
+            Came::Finish => update.finish().await.map(|finished| version = finished),
+        };
+        match done {
+            Ok(()) => send(stream, receiver.accepted()).await?,
+            Err(why) => return Ok(Err(Failed::Refused(why))),
+        }
+    }
+}
+
+async fn send<IO: Write>(stream: &mut IO, bytes: &[u8]) -> Result<(), IO::Error> {
+    stream.write_all(bytes).await?;
+    stream.flush().await
+}
+
+impl Session<'_, '_> {
+    /// `update`, or `update older`.
+    pub(super) fn update(&mut self, words: &Words<'_>) -> Result<Wait, Wrong> {
+        let word = words.take();
+        let allow_older = !word.is_end();
+        if allow_older {
+            word.keyword(&[("older", ())], "older")?;
+            words.end()?;
+        }
+        if allow_older && !self.is_local {
+            return Ok(self.fail(&"older firmware is taken at the gateway's own terminal only"));
+        }
+        Ok(Wait::Update { allow_older })
+    }
+
+    /// Reports the outcome; a new image is started.
+    pub(super) fn updated(&mut self, received: Result<Version, Failed>) -> Wait {
+        match received {
+            Ok(version) => {
+                self.out.line(format_args!("{version} is complete and genuine; it starts now, on trial"));
+                Wait::Reboot
+            }
+            Err(why) => self.fail(&why),
+        }
+    }
+}

@@ -18,12 +18,14 @@ const CRATES: &[&str] = &[
     "ethercat/description/src/lib.rs",
     "ethercat/emulator/src/lib.rs",
     "ethercat/subdevice/src/lib.rs",
+    "boards/boot/src/lib.rs",
     "boards/description/src/lib.rs",
     "boards/firmware/src/lib.rs",
     "boards/net/src/lib.rs",
     "boards/qemu_mps2/src/main.rs",
     "boards/rp/src/lib.rs",
     "boards/stm32/src/lib.rs",
+    "boards/stm32_boot/src/lib.rs",
 ];
 
 fn first_file(of_crate: &str) -> PathBuf {

@@ -37,6 +37,13 @@ pub(crate) fn image(board: &str) -> Outcome<PathBuf> {
     Ok(images(&target(board)?).join(format!("mobgate-{}", board.replace('_', "-"))))
 }
 
+/// The boot loader of an STM32 board.
+pub(crate) fn boot_loader(board: &str) -> Outcome<PathBuf> {
+    let mut name = image(board)?.into_os_string();
+    name.push("-boot");
+    Ok(name.into())
+}
+
 /// The STM32 boards: the folders `boards/nucleo_...`.
 pub(crate) fn nucleos() -> Outcome<Vec<String>> {
     let folder = root().join("boards").read_dir().map_err(|error| format!("boards/: {error}"))?;
@@ -129,22 +136,43 @@ pub(crate) fn run(board: &str, subcommand: &str, arguments: &[String]) -> Outcom
     cargo.arg("--config").arg(short_paths(&target, &rustc)).args(arguments);
     // Sizes depend on the compiler.
     eprintln!("{board} for {target} with {}", output(&mut command(&rustc, &["--version"]))?.trim());
+    if subcommand == "run" && has_boot_loader(board) {
+        run(board, "build", arguments)?;
+        flash_boot_loader(board)?;
+    }
     tools::run(&mut cargo)?;
     match subcommand {
         "build" if core => tools::built(images(&target).join("libmobgate.rlib")),
         "build" => {
             let image = image(board)?;
             tools::built(&image)?;
-            tools::built(if RP2040.contains(&board) { write_uf2(&image)? } else { write_flat(&image)? })?;
+            let boot = if has_boot_loader(board) { Some(boot_loader(board)?) } else { None };
+            let is_rp2040 = RP2040.contains(&board);
+            tools::built(if is_rp2040 { write_uf2(&image)? } else { write_flat(&image, boot.as_deref())? })?;
             update::write(&image)?.map_or(Ok(()), tools::built)
         }
         _ => Ok(()),
     }
 }
 
-/// Writes the flash contents beside an image as a flat binary, for tools that do not read ELF.
-fn write_flat(image: &Path) -> Outcome<PathBuf> {
-    let (_, flat) = flat(image)?;
+/// Whether a board's package has a boot loader beside the program.
+fn has_boot_loader(board: &str) -> bool {
+    board.starts_with("nucleo_")
+}
+
+/// Writes the boot loader into a board's flash by probe-rs, which the board's `.cargo/config.toml` names for the program.
+fn flash_boot_loader(board: &str) -> Outcome {
+    let config = tools::read(format!("boards/{board}/.cargo/config.toml"))?;
+    let runner =
+        config.lines().find_map(|line| line.strip_prefix("runner = \"probe-rs run ")?.strip_suffix('"'));
+    let runner = runner.ok_or(format!("boards/{board}/.cargo/config.toml has no runner"))?;
+    let mut probe = command("probe-rs", &["download"]);
+    tools::run(probe.args(runner.split_whitespace()).arg(boot_loader(board)?))
+}
+
+/// Writes the flash contents beside an image as a flat binary, for tools that do not read ELF; the boot loader is its beginning.
+fn write_flat(image: &Path, boot: Option<&Path>) -> Outcome<PathBuf> {
+    let (_, flat) = flat(&boot.into_iter().chain([image]).collect::<Vec<_>>())?;
     written(image.with_extension("bin"), &flat)
 }
 
@@ -153,7 +181,7 @@ fn write_uf2(image: &Path) -> Outcome<PathBuf> {
     const HAS_FAMILY: u32 = 0x2000;
     const FAMILY: u32 = 0xe48b_ff56;
     const PAGE_BYTES: u32 = 256;
-    let (first, flat) = flat(image)?;
+    let (first, flat) = flat(&[image])?;
     let pages = flat.chunks(PAGE_BYTES as usize);
     let count = pages.len() as u32;
     let mut file = Vec::new();
@@ -169,17 +197,19 @@ fn write_uf2(image: &Path) -> Outcome<PathBuf> {
     written(image.with_extension("uf2"), &file)
 }
 
-/// An image's flash contents, and where they begin.
-pub(crate) fn flat(image: &Path) -> Outcome<(u32, Vec<u8>)> {
-    let elf = std::fs::read(image).map_err(|error| fault(image, &error))?;
-    let file = ElfFile32::<Endianness>::parse(&*elf).map_err(|error| fault(image, &error))?;
-    let endian = file.endian();
+/// The flash contents of images, and where they begin.
+pub(crate) fn flat(images: &[&Path]) -> Outcome<(u32, Vec<u8>)> {
     let mut parts = Vec::new();
-    for header in file.elf_program_headers() {
-        let bytes =
-            header.data(endian, &*elf).map_err(|()| fault(image, &"a segment ends outside the file"))?;
-        if header.p_type(endian) == PT_LOAD && !bytes.is_empty() {
-            parts.push((header.p_paddr(endian), bytes));
+    for image in images {
+        let elf = std::fs::read(image).map_err(|error| fault(image, &error))?;
+        let file = ElfFile32::<Endianness>::parse(&*elf).map_err(|error| fault(image, &error))?;
+        let endian = file.endian();
+        for header in file.elf_program_headers() {
+            let bytes =
+                header.data(endian, &*elf).map_err(|()| fault(image, &"a segment ends outside the file"))?;
+            if header.p_type(endian) == PT_LOAD && !bytes.is_empty() {
+                parts.push((header.p_paddr(endian), bytes.to_vec()));
+            }
         }
     }
     parts.sort_unstable_by_key(|(address, _)| *address);
@@ -188,7 +218,7 @@ pub(crate) fn flat(image: &Path) -> Outcome<(u32, Vec<u8>)> {
     for (address, bytes) in parts {
         // Gaps look like erased flash.
         flat.resize((address - first) as usize, 0xff);
-        flat.extend_from_slice(bytes);
+        flat.extend(bytes);
     }
     Ok((first, flat))
 }

@@ -81,6 +81,8 @@ pub(crate) fn print(boards: &[String]) -> Outcome {
             image.gateway_ram()?;
             figure("router_core_ram_per_port", kib(image.core_ram()?), "KiB", Some(1.0));
         }
+        let boot = Image::read(&board::boot_loader(board)?)?;
+        figure(&format!("{name}_boot_flash"), kib(boot.flash()), "KiB", Some(32.0));
         // Router, scanner and EtherCAT together.
         let image = Image::build(board, &["--features", "ethercat"])?;
         image.totals(&format!("{name}_ethercat"), Some((512.0, 192.0)));
@@ -158,6 +160,7 @@ impl Image {
         sections.map(|(_, bytes, _)| bytes).sum()
     }
 
+    /// Bytes that are programmed.
     fn flash(&self) -> u64 {
         self.sum(&[".vector_table", ".text", ".rodata", ".data", ".gnu.sgstubs"])
     }

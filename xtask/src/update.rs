@@ -13,7 +13,7 @@ pub(crate) const ENDING: &str = "mgu";
 
 /// Writes the update file beside an image, if that has an info block where updates look for it.
 pub(crate) fn write(image: &Path) -> Outcome<Option<PathBuf>> {
-    let (_, firmware) = board::flat(image)?;
+    let (_, firmware) = board::flat(&[image])?;
     let Some(info) = Info::of_firmware(&firmware) else { return Ok(None) };
     println!("{} {}, signed for {}", info.board(), info.version(), Key::for_images()?.public());
     written(image.with_extension(ENDING), &file(&Key::for_images()?, &firmware)?).map(Some)

@@ -40,7 +40,7 @@ impl ReadNorFlash for SettingsFlash {
     async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), Error> {
         // On the H7, a flash word left partially written by a power cut needs special handling.
         #[cfg(feature = "h7")]
-        return half_written::read(offset, bytes);
+        return mobgate_stm32_boot::flash::half_written::read(offset, bytes);
         #[cfg(not(feature = "h7"))]
         return self.0.blocking_read(offset, bytes);
     }
@@ -60,7 +60,7 @@ impl NorFlash for SettingsFlash {
         #[cfg(feature = "f7")]
         return self.0.blocking_write(offset, bytes);
         #[cfg(feature = "h7")]
-        crate::registers::forget_flash_errors();
+        mobgate_stm32_boot::flash::forget_errors();
         #[cfg(not(feature = "f7"))]
         return self.0.write(offset, bytes).await;
     }
@@ -73,77 +73,8 @@ impl NorFlash for SettingsFlash {
             self.0.blocking_erase(sector, sector + Self::ERASE_SIZE as u32)
         });
         #[cfg(feature = "h7")]
-        crate::registers::forget_flash_errors();
+        mobgate_stm32_boot::flash::forget_errors();
         #[cfg(not(feature = "f7"))]
         return self.0.erase(from, to).await;
-    }
-}
-
-/// Reads that may fail error correction.
-#[cfg(feature = "h7")]
-mod half_written {
-    use core::arch::asm;
-    use core::ptr::read_volatile;
-
-    use cortex_m::asm::dsb;
-    use embassy_stm32::flash::{Error, FLASH_BASE, FLASH_SIZE, WRITE_SIZE};
-    use embassy_stm32::pac;
-
-    const WORDS: usize = WRITE_SIZE / size_of::<u32>();
-    /// CCR.BFHFNMIGN: ignore data bus faults at priority -1 (ARMv7-M architecture, B3.2.8).
-    const IGNORE_BUS_FAULTS: u32 = 1 << 8;
-
-    /// Reads words that fail error correction as zeros (RM0433, 4.3.9): on a flash word left partially written by a power cut the
-    /// H7 raises a bus fault, which would end every start when the settings are read.
-    pub(super) fn read(offset: u32, bytes: &mut [u8]) -> Result<(), Error> {
-        let end = offset as usize + bytes.len();
-        if end > FLASH_SIZE {
-            return Err(Error::Size);
-        }
-        let mut at = offset as usize;
-        let mut rest = bytes;
-        while !rest.is_empty() {
-            let within = at % WRITE_SIZE;
-            let count = rest.len().min(WRITE_SIZE - within);
-            let word = flash_word(FLASH_BASE + at - within);
-            let (now, later) = rest.split_at_mut(count);
-            now.iter_mut().zip(&word[within..]).for_each(|(to, &from)| *to = from);
-            (at, rest) = (at + count, later);
-        }
-        Ok(())
-    }
-
-    fn flash_word(address: usize) -> [u8; WRITE_SIZE] {
-        let mut bytes = [0; WRITE_SIZE];
-        // SAFETY: the address is within the chip's flash, as checked by the caller. Priority -1 lasts for eight reads; no interrupt
-        // can occur meanwhile, so no other code runs with faults ignored.
-        let failed = unsafe {
-            let control = &(*cortex_m::peripheral::SCB::PTR).ccr;
-            asm!("cpsid f");
-            control.modify(|value| value | IGNORE_BUS_FAULTS);
-            dsb();
-            for nth in 0..WORDS {
-                let word = read_volatile((address as *const u32).add(nth));
-                bytes[nth * 4..][..4].copy_from_slice(&word.to_le_bytes());
-            }
-            dsb();
-            control.modify(|value| value & !IGNORE_BUS_FAULTS);
-            asm!("cpsie f");
-            clear_failure()
-        };
-        if failed { [0; WRITE_SIZE] } else { bytes }
-    }
-
-    /// Whether either bank has detected a double-bit error; clears it.
-    fn clear_failure() -> bool {
-        (0..2).fold(false, |failed, bank| {
-            let bank = pac::FLASH.bank(bank);
-            let here = bank.sr().read().dbeccerr();
-            bank.ccr().write(|clear| {
-                clear.set_clr_dbeccerr(true);
-                clear.set_clr_sneccerr(true);
-            });
-            failed || here
-        })
     }
 }

@@ -158,33 +158,6 @@ pub(crate) fn prepare_memories() {
     }
 }
 
-/// Feeds the watchdog before an operation that stalls the chip; has no effect before the watchdog is started.
-#[cfg(feature = "f7")]
-pub(crate) fn feed_watchdog() {
-    use embassy_stm32::pac::{IWDG, iwdg::vals::Key};
-    IWDG.kr().write(|command| command.set_key(Key::RESET));
-}
-
-/// Clears the flash's error flags: embassy-stm32 writes the status register, which does not clear them on the H7, and would refuse
-/// every operation after an error until the next reset.
-#[cfg(feature = "h7")]
-pub(crate) fn forget_flash_errors() {
-    for bank in [0, 1].map(|bank| embassy_stm32::pac::FLASH.bank(bank)) {
-        bank.ccr().write(|clear| {
-            clear.set_clr_wrperr(true);
-            clear.set_clr_pgserr(true);
-            clear.set_clr_strberr(true);
-            clear.set_clr_incerr(true);
-            clear.set_clr_operr(true);
-            clear.set_clr_rdperr(true);
-            clear.set_clr_rdserr(true);
-            clear.set_clr_sneccerr(true);
-            clear.set_clr_dbeccerr(true);
-            clear.set_clr_crcrderr(true);
-        });
-    }
-}
-
 /// Sets the MAC to 100 or 10 Mbit/s, full or half duplex.
 pub(crate) fn set_ethernet_speed(is_100: bool, is_full: bool) {
     let control = embassy_stm32::pac::ETH.ethernet_mac().maccr();

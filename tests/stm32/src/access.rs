@@ -63,9 +63,9 @@ impl Bus {
     /// The program reads a peripheral's register or the settings' cells.
     pub(crate) fn read(&mut self, address: u32, bytes: usize) -> u64 {
         self.accesses.0 += 1;
-        if self.is_cell(address) {
-            self.touch_flash(true);
-            let value = self.flash.read_cells(address, bytes).map(|value| value ^ self.corruption());
+        if is_cell(address) {
+            self.touch_flash(Some(address));
+            let value = self.flash.read_cells(address, bytes).map(|value| value ^ self.corruption(address));
             if value.is_none() && !self.core.ignores_bus_faults() {
                 (self.bus_fault, self.deadline) = (Some(address), self.now);
             }
@@ -78,14 +78,10 @@ impl Bus {
     }
 
     /// What is read wrong of the F4's second bank before revision 3, unless PA12 is low (errata 2.2.11).
-    fn corruption(&self) -> u64 {
+    fn corruption(&self, address: u32) -> u64 {
         let is_held_low = self.gpio.is_output((0, 12)) && !self.gpio.level((0, 12));
         let is_affected = self.board.family == Family::F4 && self.revision < 0x2001;
-        u64::from(is_affected && !is_held_low)
-    }
-
-    fn is_cell(&self, address: u32) -> bool {
-        (self.flash.cells.base()..chip::FLASH + 2 * chip::PROGRAM_BYTES).contains(&address)
+        u64::from(is_affected && !is_held_low && address >= chip::FLASH + chip::FLASH_BYTES / 2)
     }
 
     fn register(&mut self, address: u32, bytes: usize) -> Option<u32> {
@@ -94,7 +90,10 @@ impl Bus {
         match device {
             Device::Rcc => self.rcc.read(offset),
             Device::Pwr => self.pwr.read(offset),
-            Device::Flash => self.flash.read(offset),
+            Device::Flash => {
+                self.waits_for_flash = self.flash.shows_busy(offset);
+                self.flash.read(offset)
+            }
             Device::Syscfg => self.syscfg.read(offset),
             Device::Exti => self.exti.read(offset),
             Device::Gpio => self.gpio.read(offset),
@@ -139,10 +138,10 @@ impl Bus {
     /// The program writes a register or the settings' cells.
     pub(crate) fn write(&mut self, address: u32, bytes: usize, value: u64) {
         self.accesses.1 += 1;
-        if self.is_cell(address) {
-            self.touch_flash(true);
+        if is_cell(address) {
+            self.touch_flash(Some(address));
             self.flash.write_cells(address, bytes, value, self.now);
-            self.touch_flash(false);
+            self.touch_flash(None);
         } else if self.set_register(address, bytes, value as u32).is_none() {
             self.complain("writes", address, "a register without a model");
         }
@@ -157,7 +156,7 @@ impl Bus {
         match device {
             Device::Rcc => self.rcc.write(offset, value).map(|()| self.follow_clocks()),
             Device::Pwr => self.pwr.write(offset, value),
-            Device::Flash => self.flash.write(offset, value, now).map(|()| self.touch_flash(false)),
+            Device::Flash => self.flash.write(offset, value, now).map(|()| self.touch_flash(None)),
             Device::Syscfg => self.syscfg.write(offset, value),
             Device::Exti => self.exti.write(offset, value),
             Device::Gpio => {
@@ -186,12 +185,12 @@ impl Bus {
         }
     }
 
-    /// The processor stands still if the flash is busy and it `touches` that bank, or there is one only.
-    fn touch_flash(&mut self, touches: bool) {
-        if let Access::Stall(until) = self.flash.access(touches) {
+    /// The processor stands still if its own bank of the flash is busy, or the one that it accesses at `address`.
+    fn touch_flash(&mut self, address: Option<u32>) {
+        if let Access::Stall(until) = self.flash.access(address) {
             self.stalled_until = self.stalled_until.max(until);
             self.deadline = self.now;
-            if touches {
+            if address.is_some() {
                 // The access itself waits.
                 self.flash.advance(until);
             }
@@ -199,9 +198,15 @@ impl Bus {
     }
 }
 
+/// Whether `address` is in the flash.
+fn is_cell(address: u32) -> bool {
+    (chip::FLASH..chip::FLASH + chip::FLASH_BYTES).contains(&address)
+}
+
 #[cfg(test)]
 mod tests {
     use crate::bus::Bus;
+    use crate::cells::Cells;
     use crate::chip::{NUCLEO_F429ZI, NUCLEO_F767ZI, NUCLEO_H743ZI};
     use crate::phy::Phy;
 
@@ -209,7 +214,7 @@ mod tests {
     fn what_no_model_knows_and_what_has_no_clock_is_named() {
         for board in [NUCLEO_F429ZI, NUCLEO_F767ZI, NUCLEO_H743ZI] {
             let complaint = |access: fn(&mut Bus)| {
-                let mut bus = Bus::new(board, Phy::new(true));
+                let mut bus = Bus::new(board, Phy::new(true), Cells::new());
                 access(&mut bus);
                 bus.complaint.unwrap()
             };

@@ -63,6 +63,8 @@ pub(crate) struct Bus {
     pub(crate) revision: u16,
     /// Reads and writes of the program's, of all peripherals.
     pub(crate) accesses: (u64, u64),
+    /// The program has just read that the flash is busy.
+    pub(crate) waits_for_flash: bool,
     /// The processor stands still until then.
     pub(crate) stalled_until: Time,
     /// A bus fault at this address.
@@ -86,7 +88,7 @@ fn plain(last: u32) -> Bank {
 }
 
 impl Bus {
-    pub(crate) fn new(board: Board, phy: Phy) -> Self {
+    pub(crate) fn new(board: Board, phy: Phy, cells: Cells) -> Self {
         let family = board.family;
         let h7 = family == Family::H7;
         let mut bus = Self {
@@ -97,7 +99,7 @@ impl Bus {
             clocks: Rcc::new(family, Reset::Power).clocks(),
             core: Core::new(),
             rcc: Rcc::new(family, Reset::Power),
-            flash: Flash::new(&board, Cells::new(board.settings)),
+            flash: Flash::new(&board, cells),
             gpio: Gpio::new(BTreeMap::from([(
                 REFERENCE_CLOCK,
                 if phy.is_there { Drive::Clock } else { Drive::Level(false) },
@@ -116,6 +118,7 @@ impl Bus {
             revision: board.revision,
             axi: Bank::new(&[(0x108, 0, ALL)]),
             accesses: (0, 0),
+            waits_for_flash: false,
             stalled_until: 0,
             bus_fault: None,
             complaint: None,
@@ -126,12 +129,11 @@ impl Bus {
 
     /// Resets all but what a reset does not reach: the flash's cells, what is connected, and time.
     pub(crate) fn reset(&mut self, cause: Reset) {
-        let mut fresh = Self::new(self.board, self.ethernet.phy);
+        let cells = std::mem::replace(&mut self.flash.cells, Cells::new());
+        let mut fresh = Self::new(self.board, self.ethernet.phy, cells);
         fresh.now = self.now;
         fresh.revision = self.revision;
         fresh.rcc = Rcc::new(self.board.family, cause);
-        let cells = std::mem::replace(&mut self.flash.cells, Cells::new(self.board.settings));
-        fresh.flash = Flash::new(&self.board, cells);
         std::mem::swap(fresh.gpio.driven(), self.gpio.driven());
         std::mem::swap(&mut fresh.uarts, &mut self.uarts);
         fresh.uarts.iter_mut().for_each(Usart::reset);

@@ -1,13 +1,12 @@
-//! The flash's memory cells of the settings' two sectors: what they hold is there after a power cut, also one in the middle of an
-//! operation.
+//! The flash's memory cells: what they hold is there after a power cut, also one in the middle of an operation.
 
 use std::collections::BTreeSet;
+use std::ops::Range;
+
+use crate::chip::{FLASH, FLASH_BYTES, Family};
 
 /// Cells.
 pub(crate) struct Cells {
-    /// The address of the first byte.
-    base: u32,
-    sector_bytes: u32,
     bytes: Vec<u8>,
     /// Words with error correction that were half written, by their addresses.
     torn: BTreeSet<u32>,
@@ -19,44 +18,43 @@ pub(crate) struct Cells {
     pub(crate) is_cut: bool,
     /// What the program did against the rules.
     pub(crate) broken_rule: Option<String>,
+    /// Addresses of what has changed since this was last taken.
+    pub(crate) changed: Option<Range<u32>>,
 }
 
 impl Cells {
     /// Erased cells.
-    pub(crate) fn new((base, sector_bytes): (u32, u32)) -> Self {
+    pub(crate) fn new() -> Self {
         Self {
-            base,
-            sector_bytes,
-            bytes: vec![0xff; 2 * sector_bytes as usize],
+            bytes: vec![0xff; FLASH_BYTES as usize],
             torn: BTreeSet::new(),
             operations: 0,
             cut_at: None,
             is_cut: false,
             broken_rule: None,
+            changed: None,
         }
     }
 
-    /// As the chip was delivered: nobody has erased these sectors, and something is in them.
-    pub(crate) fn fill(&mut self, byte: u8) {
-        self.bytes.fill(byte);
-    }
-
-    pub(crate) fn base(&self) -> u32 {
-        self.base
+    /// What a programmer, or another program, has left at `address`.
+    pub(crate) fn put(&mut self, address: u32, bytes: &[u8]) {
+        let at = (address - FLASH) as usize;
+        self.bytes[at..at + bytes.len()].copy_from_slice(bytes);
     }
 
     pub(crate) fn read(&self, address: u32, count: usize) -> &[u8] {
-        let at = (address - self.base) as usize;
+        let at = (address - FLASH) as usize;
         &self.bytes[at..at + count]
     }
 
-    /// Whether a word that begins at `address` has more wrong bits than can be corrected.
-    pub(crate) fn is_torn(&self, address: u32) -> bool {
-        self.torn.contains(&address)
+    /// Whether a word there has more wrong bits than can be corrected.
+    pub(crate) fn is_torn_within(&self, place: Range<u32>) -> bool {
+        self.torn.range(place).next().is_some()
     }
 
     /// Counts an operation; whether the power is cut in the middle of it.
-    fn begin(&mut self) -> bool {
+    fn begin(&mut self, address: u32, bytes: u32) -> bool {
+        self.changed = Some(address..address + bytes);
         let cut = self.cut_at == Some(self.operations);
         self.operations += 1;
         self.is_cut |= cut;
@@ -65,8 +63,8 @@ impl Cells {
 
     /// Programs `data`, bits of which can only become zeros. `has_ecc`: once only, since its check bits are programmed too.
     pub(crate) fn program(&mut self, address: u32, data: &[u8], has_ecc: bool) {
-        let cut = self.begin();
-        let at = (address - self.base) as usize;
+        let cut = self.begin(address, data.len() as u32);
+        let at = (address - FLASH) as usize;
         let cells = &mut self.bytes[at..at + data.len()];
         let is_erased = cells.iter().all(|&byte| byte == 0xff);
         if has_ecc && (!is_erased || self.torn.contains(&address)) {
@@ -82,13 +80,17 @@ impl Cells {
         }
     }
 
-    /// Erases the sector that begins at `address`. Cut off, half of its words are erased, and with error correction none of the others
+    /// Erases the sector there. Cut off, half of its words are erased, and with error correction none of the others
     /// can be read.
-    pub(crate) fn erase(&mut self, address: u32, has_ecc: bool) {
+    pub(crate) fn erase(&mut self, place: Range<u32>, has_ecc: bool) {
         const WORD_BYTES: usize = 32;
-        let cut = self.begin();
-        let at = (address - self.base) as usize;
-        let sector = &mut self.bytes[at..at + self.sector_bytes as usize];
+        let address = place.start;
+        let cut = self.begin(address, place.len() as u32);
+        if address == FLASH {
+            self.broken_rule = Some("the boot loader is erased".to_owned());
+        }
+        let at = (address - FLASH) as usize;
+        let sector = &mut self.bytes[at..at + place.len()];
         let words = sector.chunks_mut(WORD_BYTES).zip((address..).step_by(WORD_BYTES));
         for (nth, (word, address)) in words.enumerate() {
             if !cut || nth % 2 == 0 {
@@ -100,4 +102,24 @@ impl Cells {
             }
         }
     }
+}
+
+/// The sectors of a family's flash.
+pub(crate) fn sectors(family: Family) -> Vec<Range<u32>> {
+    const KIB: u32 = 1024;
+    let lengths = match family {
+        // Two banks (RM0090, table 6).
+        Family::F4 => [[16, 16, 16, 16, 64, 128, 128, 128, 128, 128, 128, 128]; 2].concat(),
+        // One bank (RM0410, table 3).
+        Family::F7 => vec![32, 32, 32, 32, 128, 256, 256, 256, 256, 256, 256, 256],
+        // Two banks of eight (RM0433, table 13).
+        Family::H7 => vec![128; 16],
+    };
+    let mut next = FLASH;
+    let sector = |length: u32| {
+        let start = next;
+        next += length * KIB;
+        start..next
+    };
+    lengths.into_iter().map(sector).collect()
 }

@@ -20,6 +20,11 @@ pub struct Board {
     pub family: Family,
     /// First address and length of each memory that the program has.
     pub(crate) memories: &'static [(u32, u32)],
+    /// First address and length of the program's part of the flash. Up to its end instructions are executed; what follows is a device.
+    pub(crate) active: (u32, u32),
+    /// Where an update waits, and where the state of the swap is.
+    pub(crate) update: u32,
+    pub(crate) state: u32,
     /// First address of the two sectors that hold the settings, and the length of one.
     pub(crate) settings: (u32, u32),
     /// A revision of the chip that is sold now.
@@ -30,14 +35,17 @@ pub struct Board {
 
 /// Where the flash begins.
 pub(crate) const FLASH: u32 = 0x0800_0000;
-/// What is mapped of it for the program. The settings' sectors are a device.
-pub(crate) const PROGRAM_BYTES: u32 = 0x10_0000;
+/// Its length.
+pub(crate) const FLASH_BYTES: u32 = 0x20_0000;
 
 /// The NUCLEO-F429ZI.
 pub const NUCLEO_F429ZI: Board = Board {
     name: "nucleo_f429zi",
     family: Family::F4,
     memories: &[(0x1000_0000, 0x1_0000), (0x2000_0000, 0x3_0000)],
+    active: (0x0802_0000, 0x8_0000),
+    update: 0x0812_0000,
+    state: 0x0810_0000,
     settings: (0x081c_0000, 0x2_0000),
     revision: 0x2001,
     unique: 0x1fff_7a10,
@@ -48,6 +56,9 @@ pub const NUCLEO_F767ZI: Board = Board {
     name: "nucleo_f767zi",
     family: Family::F7,
     memories: &[(0x2000_0000, 0x8_0000)],
+    active: (0x0804_0000, 0x8_0000),
+    update: 0x080c_0000,
+    state: 0x0800_8000,
     settings: (0x0818_0000, 0x4_0000),
     revision: 0x1001,
     unique: 0x1ff0_f420,
@@ -58,10 +69,20 @@ pub const NUCLEO_H743ZI: Board = Board {
     name: "nucleo_h743zi",
     family: Family::H7,
     memories: &[(0x2400_0000, 0x8_0000)],
+    active: (0x0802_0000, 0x8_0000),
+    update: 0x0810_0000,
+    state: 0x081a_0000,
     settings: (0x081c_0000, 0x2_0000),
     revision: 0x2003,
     unique: 0x1ff1_e800,
 };
+
+impl Board {
+    /// Length of that part of the flash from which instructions are executed.
+    pub(crate) fn code_bytes(&self) -> u32 {
+        self.active.0 + self.active.1 - FLASH
+    }
+}
 
 /// A peripheral that has a model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

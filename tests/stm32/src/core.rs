@@ -28,6 +28,8 @@ pub(crate) struct Core {
     pub(crate) active: Vec<usize>,
     /// The program asked for a reset.
     pub(crate) reset_requested: bool,
+    /// The boot loader has set the program's vector table.
+    pub(crate) handed_over: bool,
     /// Anything is pending and enabled.
     pub(crate) is_waiting: bool,
 }
@@ -60,6 +62,7 @@ impl Core {
             priority: [0; INTERRUPTS],
             active: Vec::new(),
             reset_requested: false,
+            handed_over: false,
             is_waiting: false,
         }
     }
@@ -106,7 +109,10 @@ impl Core {
             CYCCNT | ICSR => {}
             // Flags are cleared by ones.
             CFSR | 0xed2c => self.registers.set(offset, self.registers.get(offset) & !value),
-            _ => self.registers.write(offset, value)?,
+            _ => {
+                self.handed_over |= offset == VTOR;
+                self.registers.write(offset, value)?;
+            }
         }
         self.look();
         Some(())

@@ -13,7 +13,6 @@ use crate::bus::Memory;
 use crate::chip::{self, Board};
 use crate::core::HARD_FAULT;
 use crate::hooks::{self, Notes, Shared};
-use crate::image::Image;
 use crate::work::Work;
 
 /// The value of LR that a handler returns to.
@@ -65,17 +64,15 @@ impl Cpu {
     /// A processor behind a reset. `memories` are the contents of the board's.
     pub(crate) fn new(
         board: &Board,
-        image: &Image,
         memories: &[Vec<u8>],
         bus: &Shared,
         work: &Rc<RefCell<Work>>,
     ) -> Result<Self, uc_error> {
         let mut unicorn = Unicorn::new(Arch::ARM, Mode::THUMB)?;
         unicorn.ctl_set_cpu_model(ArmCpuModel::CORTEX_M7 as i32)?;
-        hooks::map(&mut unicorn, board, image, memories, bus)?;
+        hooks::map(&mut unicorn, board, memories, bus)?;
         let notes = Rc::new(RefCell::new(Notes::default()));
         hooks::hook_blocks(&mut unicorn, bus, &notes, work)?;
-        hooks::hook_hints(&mut unicorn, image, &notes)?;
         hooks::hook_faults(&mut unicorn, &notes)?;
         let mut cpu =
             Self { unicorn, bus: bus.clone(), notes, floats: Vec::new(), is_asleep: false, last_fault: None };
@@ -84,6 +81,13 @@ impl Cpu {
         cpu.set(RegisterARM::LR, u32::MAX);
         cpu.set(RegisterARM::PC, start);
         Ok(cpu)
+    }
+
+    /// The boot loader has handed over to the program `active`.
+    pub(crate) fn hand_over(&mut self, (base, length): (u32, u32)) {
+        let code = self.bus.borrow().flash.cells.read(base, length as usize).to_vec();
+        // As many hooks as there are such instructions.
+        let _ = hooks::hook_hints(&mut self.unicorn, base, &code, &self.notes);
     }
 
     fn get(&self, register: RegisterARM) -> u32 {

@@ -1,9 +1,11 @@
 //! The flash's interface of the F4 and F7 (RM0090, 3; RM0410, 3), and of the H7 (RM0433, 4).
 
+use std::ops::Range;
+
 use crate::bank::{ALL, Bank, bits};
-use crate::cells::Cells;
-use crate::chip::{Board, Family};
-use crate::time::{MICROSECOND, SECOND, Time};
+use crate::cells::{Cells, sectors};
+use crate::chip::{Board, FLASH, FLASH_BYTES, Family};
+use crate::time::{MICROSECOND, Time};
 
 const KEYS: [u32; 2] = [0x4567_0123, 0xcdef_89ab];
 /// Bytes of a word that the H7 programs at a time.
@@ -18,26 +20,46 @@ pub(crate) enum Access {
     Stall(Time),
 }
 
-/// The interface to the cells. Of the H7's two banks it is the second one's that has the settings.
+/// A register of a controller.
+#[derive(Clone, Copy)]
+enum Register {
+    Keys,
+    Control,
+    Status,
+    Clear,
+}
+
+/// What one set of registers controls: a bank of the H7, or all of the flash.
+struct Controller {
+    locked: bool,
+    next_key: usize,
+    /// A word of the H7 that is being put together: its address, its bytes and which of them are there.
+    word: Option<(u32, [u8; WORD_BYTES], u32)>,
+}
+
+/// The interface to the cells.
 pub(crate) struct Flash {
     family: Family,
     registers: Bank,
     pub(crate) cells: Cells,
-    settings: (u32, u32),
-    locked: bool,
-    next_key: usize,
-    busy_until: Option<Time>,
-    /// A word of the H7 that is being put together: its address, its bytes and which of them are there.
-    word: Option<(u32, [u8; WORD_BYTES], u32)>,
+    sectors: Vec<Range<u32>>,
+    controllers: [Controller; 2],
+    /// Until when each bank is busy. The program runs from the first.
+    busy_until: [Option<Time>; 2],
 }
 
 impl Flash {
     pub(crate) fn new(board: &Board, cells: Cells) -> Self {
         let rows = if board.family == Family::H7 {
             let mut rows: Vec<_> = [0, 8, 0x18, 0x1c, 0x100, 0x108, 0x118].map(|at| (at, 0, ALL)).to_vec();
-            // Of the first bank nothing but the lock is used.
-            rows.extend([(4, 0, 0), (0xc, 1, 1), (0x10, 0, 0), (0x14, 0, 0)]);
-            rows.extend([(0x10c, 1, ALL), (0x110, 0, 0)]);
+            for bank in [0, 0x100] {
+                rows.extend([
+                    (bank + 4, 0, 0),
+                    (bank + 0xc, 1, ALL),
+                    (bank + 0x10, 0, 0),
+                    (bank + 0x14, 0, 0),
+                ]);
+            }
             rows
         } else {
             // nDBANK of the F7: one bank, as delivered.
@@ -54,11 +76,9 @@ impl Flash {
             family: board.family,
             registers: Bank::new(&rows),
             cells,
-            settings: board.settings,
-            locked: true,
-            next_key: 0,
-            busy_until: None,
-            word: None,
+            sectors: sectors(board.family),
+            controllers: [0; 2].map(|next_key| Controller { locked: true, next_key, word: None }),
+            busy_until: [None; 2],
         }
     }
 
@@ -66,92 +86,137 @@ impl Flash {
         self.family == Family::H7
     }
 
-    /// Offsets of control and status.
-    fn control(&self) -> u32 {
-        if self.is_h7() { 0x10c } else { 0x10 }
+    /// The bank that `address` is in.
+    fn bank(&self, address: u32) -> usize {
+        usize::from(self.family != Family::F7 && address >= FLASH + FLASH_BYTES / 2)
     }
 
-    fn status(&self) -> u32 {
-        if self.is_h7() { 0x110 } else { 0xc }
+    /// The controller for `address`.
+    fn controller(&self, address: u32) -> usize {
+        if self.is_h7() { self.bank(address) } else { 0 }
     }
 
-    fn flag(&mut self, flags: u32) {
-        self.registers.set(self.status(), self.registers.get(self.status()) | flags);
+    /// The register at `offset`, and its controller.
+    fn register(&self, offset: u32) -> Option<(usize, Register)> {
+        let nth = (offset >> 8) as usize;
+        match (offset & 0xff, self.is_h7()) {
+            _ if nth > usize::from(self.is_h7()) => None,
+            (4, _) => Some((nth, Register::Keys)),
+            (0xc, true) | (0x10, false) => Some((nth, Register::Control)),
+            (0x10, true) | (0xc, false) => Some((nth, Register::Status)),
+            (0x14, true) => Some((nth, Register::Clear)),
+            _ => None,
+        }
+    }
+
+    /// Offsets of a controller's control and status.
+    fn control(&self, nth: usize) -> u32 {
+        if self.is_h7() { 0xc + 0x100 * nth as u32 } else { 0x10 }
+    }
+
+    fn status(&self, nth: usize) -> u32 {
+        if self.is_h7() { 0x10 + 0x100 * nth as u32 } else { 0xc }
+    }
+
+    fn flag(&mut self, nth: usize, flags: u32) {
+        self.registers.set(self.status(nth), self.registers.get(self.status(nth)) | flags);
+    }
+
+    /// Whether a controller is busy.
+    fn is_busy(&self, nth: usize) -> bool {
+        if self.is_h7() {
+            self.busy_until[nth].is_some()
+        } else {
+            self.busy_until.iter().any(Option::is_some)
+        }
+    }
+
+    /// Whether the register at `offset` says now that an operation goes on.
+    pub(crate) fn shows_busy(&self, offset: u32) -> bool {
+        matches!(self.register(offset), Some((nth, Register::Status)) if self.is_busy(nth))
     }
 
     pub(crate) fn read(&self, offset: u32) -> Option<u32> {
-        if offset == self.status() {
-            let busy = if self.is_h7() { 5 } else { 1 << 16 };
-            let partly = if self.word.is_some() { 2 } else { 0 };
-            let busy = if self.busy_until.is_some() { busy } else { 0 };
-            return Some(self.registers.get(offset) | busy | partly);
-        }
-        if offset == self.control() {
-            let lock = if self.is_h7() { 1 } else { 1 << 31 };
-            return Some(self.registers.get(offset) & !lock | if self.locked { lock } else { 0 });
-        }
-        self.registers.read(offset)
+        let value = self.registers.read(offset)?;
+        Some(match self.register(offset) {
+            Some((nth, Register::Status)) => {
+                let busy = if self.is_h7() { 5 } else { 1 << 16 };
+                let partly = if self.controllers[nth].word.is_some() { 2 } else { 0 };
+                value | if self.is_busy(nth) { busy } else { 0 } | partly
+            }
+            Some((nth, Register::Control)) => {
+                let lock = if self.is_h7() { 1 } else { 1 << 31 };
+                value & !lock | if self.controllers[nth].locked { lock } else { 0 }
+            }
+            _ => value,
+        })
     }
 
     pub(crate) fn write(&mut self, offset: u32, value: u32, now: Time) -> Option<()> {
-        let key = if self.is_h7() { 0x104 } else { 4 };
-        match offset {
-            _ if offset == key => {
-                self.next_key = if value == KEYS[self.next_key % 2] { self.next_key + 1 } else { 0 };
-                self.locked &= self.next_key != 2;
+        let Some((nth, register)) = self.register(offset) else { return self.registers.write(offset, value) };
+        match register {
+            Register::Keys => {
+                let controller = &mut self.controllers[nth];
+                let is_right = value == KEYS[controller.next_key % 2];
+                controller.next_key = if is_right { controller.next_key + 1 } else { 0 };
+                controller.locked &= controller.next_key != 2;
             }
-            _ if offset == self.control() => {
+            Register::Control => {
                 let lock = if self.is_h7() { 1 } else { 1 << 31 };
-                if !self.locked {
+                if !self.controllers[nth].locked {
                     self.registers.set(offset, value);
-                    self.start(value, now);
+                    self.start(nth, value, now);
                 }
-                self.locked |= value & lock != 0;
-                if self.locked {
-                    self.next_key = 0;
+                let controller = &mut self.controllers[nth];
+                controller.locked |= value & lock != 0;
+                if controller.locked {
+                    controller.next_key = 0;
                 }
             }
-            // CCR2 clears by ones; the status of the H7 cannot be written.
-            0x114 if self.is_h7() => {
-                self.registers.set(0x110, self.registers.get(0x110) & !(value & 0x07ef_0000));
+            // CCR clears by ones; the status of the H7 cannot be written.
+            Register::Clear => {
+                let status = self.status(nth);
+                self.registers.set(status, self.registers.get(status) & !(value & 0x07ef_0000));
             }
-            0x110 if self.is_h7() => {}
-            0xc if !self.is_h7() => self.registers.set(0xc, self.registers.get(0xc) & !value),
-            _ => self.registers.write(offset, value)?,
+            Register::Status if self.is_h7() => {}
+            Register::Status => self.registers.set(offset, self.registers.get(offset) & !value),
         }
         Some(())
     }
 
     /// Begins an erasure if `control` says so.
-    fn start(&mut self, control: u32, now: Time) {
+    fn start(&mut self, nth: usize, control: u32, now: Time) {
         let (erase, start, sector) = if self.is_h7() {
-            (control & 4 != 0, control & 1 << 7 != 0, bits(control, 8, 3))
+            (control & 4 != 0, control & 1 << 7 != 0, bits(control, 8, 3) as usize + 8 * nth)
         } else {
-            (control & 2 != 0, control & 1 << 16 != 0, bits(control, 3, 5))
+            // Of an F4's second bank, sectors are numbered from 16.
+            let number = bits(control, 3, 5) as usize;
+            (control & 2 != 0, control & 1 << 16 != 0, number % 16 + 12 * (number / 16))
         };
         if !erase || !start {
             return;
         }
-        let first = match self.family {
-            Family::F4 => 0x1a,
-            Family::F7 => 10,
-            Family::H7 => 6,
+        let Some(sector) = self.sectors.get(sector).cloned() else {
+            self.cells.broken_rule = Some(format!("there is no sector {sector}"));
+            return;
         };
-        let (base, bytes) = self.settings;
-        match sector.checked_sub(first).filter(|&nth| nth < 2) {
-            Some(nth) => self.cells.erase(base + nth * bytes, self.is_h7()),
-            None => self.cells.broken_rule = Some(format!("sector {sector} of the program is erased")),
-        }
+        let bank = self.bank(sector.start);
         // As the data sheets say it is usual.
-        let seconds = if self.family == Family::F7 { 2 } else { 1 };
-        self.busy_until = Some(now + seconds * SECOND);
+        let milliseconds = match sector.len() >> 10 {
+            ..=32 => 250,
+            ..=64 => 550,
+            ..=128 => 1_000,
+            _ => 2_000,
+        };
+        self.cells.erase(sector, self.is_h7());
+        self.busy_until[bank] = Some(now + milliseconds * 1_000 * MICROSECOND);
     }
 
     /// The program reads a word of the cells. None: error correction refuses.
     pub(crate) fn read_cells(&mut self, address: u32, bytes: usize) -> Option<u64> {
-        let word = address - (address - self.cells.base()) % WORD_BYTES as u32;
-        if self.cells.is_torn(word) {
-            self.flag(1 << 26);
+        let word = address - address % WORD_BYTES as u32;
+        if self.cells.is_torn_within(word..word + 1) {
+            self.flag(self.controller(address), 1 << 26);
             return None;
         }
         let bytes = self.cells.read(address, bytes);
@@ -160,77 +225,84 @@ impl Flash {
 
     /// The program writes into the cells.
     pub(crate) fn write_cells(&mut self, address: u32, bytes: usize, value: u64, now: Time) {
-        let control = self.registers.get(self.control());
+        let nth = self.controller(address);
+        let control = self.registers.get(self.control(nth));
         if self.is_h7() {
             return self.fill_word(address, bytes, value, control, now);
         }
         // PGSERR, and PGPERR: as many bits as PSIZE says.
-        if self.locked || control & 1 == 0 {
-            return self.flag(1 << 7);
+        if self.controllers[nth].locked || control & 1 == 0 {
+            return self.flag(nth, 1 << 7);
         }
         if bytes != 1 << bits(control, 8, 2) {
-            return self.flag(1 << 6);
+            return self.flag(nth, 1 << 6);
         }
         self.cells.program(address, &value.to_le_bytes()[..bytes], false);
-        self.busy_until = Some(now + 16 * MICROSECOND);
+        self.busy_until[self.bank(address)] = Some(now + 16 * MICROSECOND);
     }
 
     fn fill_word(&mut self, address: u32, bytes: usize, value: u64, control: u32, now: Time) {
+        let nth = self.controller(address);
         // PGSERR: PG is not set. INCERR: another word than the one begun.
-        if self.locked || control & 2 == 0 {
-            return self.flag(1 << 18);
+        if self.controllers[nth].locked || control & 2 == 0 {
+            return self.flag(nth, 1 << 18);
         }
-        let within = (address - self.cells.base()) % WORD_BYTES as u32;
+        let within = address % WORD_BYTES as u32;
         let (start, mut data, mut there) =
-            self.word.take().unwrap_or((address - within, [0xff; WORD_BYTES], 0));
+            self.controllers[nth].word.take().unwrap_or((address - within, [0xff; WORD_BYTES], 0));
         if start != address - within {
-            return self.flag(1 << 21);
+            return self.flag(nth, 1 << 21);
         }
         let within = within as usize;
         data[within..within + bytes].copy_from_slice(&value.to_le_bytes()[..bytes]);
         there |= ((1 << bytes) - 1) << within;
         if there != u32::MAX {
-            self.word = Some((start, data, there));
+            self.controllers[nth].word = Some((start, data, there));
             return;
         }
         self.cells.program(start, &data, true);
-        self.busy_until = Some(now + 100 * MICROSECOND);
+        self.busy_until[nth] = Some(now + 100 * MICROSECOND);
     }
 
-    /// What the processor does while the flash is busy: with one bank it stands still, with two only if it `touches` the busy one.
-    pub(crate) fn access(&self, touches: bool) -> Access {
-        match self.busy_until {
-            Some(until) if touches || self.family == Family::F7 => Access::Stall(until),
-            _ => Access::Done,
+    /// What the processor does while the flash is busy: it stands still if its own bank is, or the one that it accesses at `address`.
+    pub(crate) fn access(&self, address: Option<u32>) -> Access {
+        let other = address.map_or(0, |address| self.bank(address));
+        match self.busy_until[0].or(self.busy_until[other]) {
+            Some(until) => Access::Stall(until),
+            None => Access::Done,
         }
     }
 
     pub(crate) fn next_event(&self) -> Option<Time> {
-        self.busy_until
+        self.busy_until.iter().flatten().min().copied()
     }
 
     pub(crate) fn advance(&mut self, now: Time) {
-        if self.busy_until.is_some_and(|at| at <= now) {
-            self.busy_until = None;
-            let control = self.control();
+        for bank in 0..2 {
+            if self.busy_until[bank].is_none_or(|at| at > now) {
+                continue;
+            }
+            self.busy_until[bank] = None;
+            let nth = if self.is_h7() { bank } else { 0 };
+            let control = self.control(nth);
             // STRT goes by itself. EOP of the F4 and F7 comes only with its interrupt.
             let start = if self.is_h7() { 1 << 7 } else { 1 << 16 };
             self.registers.set(control, self.registers.get(control) & !start);
             if self.is_h7() {
-                self.flag(1 << 16);
+                self.flag(nth, 1 << 16);
             } else if self.registers.get(control) >> 24 & 1 != 0 {
-                self.flag(1);
+                self.flag(nth, 1);
             }
         }
     }
 
     pub(crate) fn interrupts(&self) -> bool {
-        let (control, status) = (self.registers.get(self.control()), self.registers.get(self.status()));
+        let get = |nth| (self.registers.get(self.control(nth)), self.registers.get(self.status(nth)));
         if self.is_h7() {
             // Each flag's enabling bit has its place.
-            control & status & 0x007f_0000 != 0
-        } else {
-            control >> 24 & 1 != 0 && status & 1 != 0 || control >> 25 & 1 != 0 && status & 2 != 0
+            return [0, 1].map(get).iter().any(|(control, status)| control & status & 0x007f_0000 != 0);
         }
+        let (control, status) = get(0);
+        control >> 24 & 1 != 0 && status & 1 != 0 || control >> 25 & 1 != 0 && status & 2 != 0
     }
 }

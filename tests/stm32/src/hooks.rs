@@ -7,7 +7,6 @@ use unicorn_engine::{HookType, Prot, RegisterARM, Unicorn, uc_error};
 
 use crate::bus::Bus;
 use crate::chip::{self, Board};
-use crate::image::Image;
 use crate::work::{Block, Work};
 
 pub(crate) type Shared = Rc<RefCell<Bus>>;
@@ -34,6 +33,8 @@ pub(crate) struct Notes {
 /// So often in a row a loop only reads a register until nothing but an event is waited for. Time goes on to the next one then: a program that
 /// hangs until the watchdog ends it would take a minute otherwise.
 const POLLS_MAX: u32 = 5_000;
+/// The same of the flash that is busy: it is waited for each of the thousands of words that a boot loader copies.
+const FLASH_POLLS_MAX: u32 = 16;
 
 impl Notes {
     /// Notes the block that begins, and says how often the program has done nothing but read one register. Where Unicorn has found that an
@@ -63,21 +64,20 @@ impl Notes {
 pub(crate) fn map(
     unicorn: &mut Unicorn<'static, ()>,
     board: &Board,
-    image: &Image,
     memories: &[Vec<u8>],
     bus: &Shared,
 ) -> Result<(), uc_error> {
-    unicorn.mem_map(u64::from(chip::FLASH), u64::from(chip::PROGRAM_BYTES), Prot::READ | Prot::EXEC)?;
-    for (address, bytes) in &image.segments {
-        unicorn.mem_write(u64::from(*address), bytes)?;
-    }
+    let code_bytes = board.code_bytes();
+    unicorn.mem_map(u64::from(chip::FLASH), u64::from(code_bytes), Prot::READ | Prot::EXEC)?;
+    let code = bus.borrow().flash.cells.read(chip::FLASH, code_bytes as usize).to_vec();
+    unicorn.mem_write(u64::from(chip::FLASH), &code)?;
+    hook_code(unicorn, code_bytes, bus)?;
     for (&(address, length), bytes) in board.memories.iter().zip(memories) {
         unicorn.mem_map(u64::from(address), u64::from(length), Prot::ALL)?;
         unicorn.mem_write(u64::from(address), bytes)?;
     }
-    let (settings, sector) = board.settings;
     let regions = [
-        (settings, 2 * sector),
+        (chip::FLASH + code_bytes, chip::FLASH_BYTES - code_bytes),
         (0x1ff0_0000, 0x10_0000),
         (0x4000_0000, 0x2000_0000),
         (0xe000_0000, 0x10_0000),
@@ -90,12 +90,36 @@ pub(crate) fn map(
             Some(move |_: &mut Unicorn<'_, ()>, offset: u64, size: usize| {
                 reads.borrow_mut().read(base + offset as u32, size)
             }),
-            Some(move |_: &mut Unicorn<'_, ()>, offset: u64, size: usize, value: u64| {
+            Some(move |unicorn: &mut Unicorn<'_, ()>, offset: u64, size: usize, value: u64| {
                 writes.borrow_mut().write(base + offset as u32, size, value);
+                follow_cells(unicorn, code_bytes, &writes);
             }),
         )?;
     }
     Ok(())
+}
+
+/// Hands writes into the flash's first part, from which instructions are executed, to its model.
+fn hook_code(unicorn: &mut Unicorn<'static, ()>, code_bytes: u32, bus: &Shared) -> Result<(), uc_error> {
+    let (bus, base) = (bus.clone(), u64::from(chip::FLASH));
+    let end = base + u64::from(code_bytes) - 1;
+    unicorn.add_mem_hook(HookType::MEM_WRITE_PROT, base, end, move |unicorn, _, address, size, value| {
+        bus.borrow_mut().write(address as u32, size, value as u64);
+        follow_cells(unicorn, code_bytes, &bus);
+        true
+    })?;
+    Ok(())
+}
+
+/// Lets the first part of the flash be what its cells are.
+fn follow_cells(unicorn: &mut Unicorn<'_, ()>, code_bytes: u32, bus: &Shared) {
+    let cells = &mut bus.borrow_mut().flash.cells;
+    let Some(changed) = cells.changed.take().filter(|changed| changed.start < chip::FLASH + code_bytes)
+    else {
+        return;
+    };
+    // It is mapped.
+    let _ = unicorn.mem_write(u64::from(changed.start), cells.read(changed.start, changed.len()));
 }
 
 pub(crate) fn hook_blocks(
@@ -112,8 +136,10 @@ pub(crate) fn hook_blocks(
             let undone = work.take_back(undone, || count(unicorn, undone));
             bus.now -= u64::from(undone) * bus.instruction;
         }
-        if notes.poll(address, bus.accesses) > POLLS_MAX {
+        let polls_max = if bus.waits_for_flash { FLASH_POLLS_MAX } else { POLLS_MAX };
+        if notes.poll(address, bus.accesses) > polls_max {
             bus.now = bus.now.max(bus.deadline);
+            bus.waits_for_flash = false;
         }
         let unmasked = || unicorn.reg_read(RegisterARM::PRIMASK).is_ok_and(|masked| masked == 0);
         let is_due =
@@ -149,30 +175,29 @@ fn count(unicorn: &Unicorn<'_, ()>, (address, size): Block) -> u32 {
     count
 }
 
-/// Hooks WFE, WFI and SEV, which Unicorn takes for nothing or for an end. Where the same bits are no instruction, a hook is never called.
+/// Hooks WFE, WFI and SEV in `code` at `base`, which Unicorn takes for nothing or for an end. Where the same bits are no instruction, a hook
+/// is never called.
 pub(crate) fn hook_hints(
     unicorn: &mut Unicorn<'static, ()>,
-    image: &Image,
+    base: u32,
+    code: &[u8],
     notes: &Rc<RefCell<Notes>>,
 ) -> Result<(), uc_error> {
-    for (base, bytes) in &image.segments {
-        for (nth, pair) in bytes.chunks_exact(2).enumerate() {
-            let address = u64::from(base + 2 * nth as u32);
-            let notes = notes.clone();
-            match pair {
-                [0x40, 0xbf] => {
-                    unicorn
-                        .add_code_hook(address, address, move |_, _, _| notes.borrow_mut().event = true)?;
-                }
-                [0x20 | 0x30, 0xbf] => {
-                    unicorn.add_code_hook(address, address, move |unicorn, address, _| {
-                        notes.borrow_mut().sleeps = true;
-                        let _ = unicorn.reg_write(RegisterARM::PC, (address + 2) | 1);
-                        let _ = unicorn.emu_stop();
-                    })?;
-                }
-                _ => {}
+    for (nth, pair) in code.chunks_exact(2).enumerate() {
+        let address = u64::from(base + 2 * nth as u32);
+        let notes = notes.clone();
+        match pair {
+            [0x40, 0xbf] => {
+                unicorn.add_code_hook(address, address, move |_, _, _| notes.borrow_mut().event = true)?;
             }
+            [0x20 | 0x30, 0xbf] => {
+                unicorn.add_code_hook(address, address, move |unicorn, address, _| {
+                    notes.borrow_mut().sleeps = true;
+                    let _ = unicorn.reg_write(RegisterARM::PC, (address + 2) | 1);
+                    let _ = unicorn.emu_stop();
+                })?;
+            }
+            _ => {}
         }
     }
     Ok(())

@@ -42,12 +42,26 @@ impl Image {
         Ok(Self { segments, functions, stack })
     }
 
-    /// Reads the image of a board, as `cargo xtask board NAME build` leaves it.
+    /// Reads the image of a board and its boot loader, as `cargo xtask board NAME build` leaves them.
     pub fn of_board(board: &str) -> Result<Self, String> {
         let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
         let folder: PathBuf = root.join("target/thumb/thumbv7em-none-eabihf/release");
-        Self::read(&folder.join(format!("mobgate-{}", board.replace('_', "-"))))
-            .map_err(|error| format!("{error}\nbuild it first: cargo xtask board {board} build"))
+        let name = format!("mobgate-{}", board.replace('_', "-"));
+        let read = |name: &str| {
+            Self::read(&folder.join(name))
+                .map_err(|error| format!("{error}\nbuild it first: cargo xtask board {board} build"))
+        };
+        let (mut program, boot) = (read(&name)?, read(&format!("{name}-boot"))?);
+        program.segments.extend(boot.segments);
+        program.functions.extend(boot.functions);
+        program.functions.sort();
+        Ok(program)
+    }
+
+    /// Where its last byte in this part of the flash ends.
+    pub(crate) fn end(&self, (start, length): (u32, u32)) -> u32 {
+        let ends = self.segments.iter().map(|(at, bytes)| at + bytes.len() as u32);
+        ends.filter(|end| (start..=start + length).contains(end)).max().unwrap_or(start)
     }
 
     /// The function that the instruction at `address` belongs to.

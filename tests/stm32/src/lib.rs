@@ -50,6 +50,7 @@ mod rcc;
 mod spi;
 mod time;
 mod timer;
+mod updates;
 mod usart;
 mod watchdog;
 mod wiring;

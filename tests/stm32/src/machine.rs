@@ -6,6 +6,7 @@ use std::rc::Rc;
 use std::time::Duration;
 
 use crate::bus::Bus;
+use crate::cells::Cells;
 use crate::chip::{Board, Family};
 use crate::cpu::Cpu;
 use crate::hooks::Shared;
@@ -35,7 +36,7 @@ impl std::fmt::Display for Stop {
 
 /// A board.
 pub struct Machine {
-    board: Board,
+    pub(crate) board: Board,
     image: Image,
     pub(crate) bus: Shared,
     pub(crate) cpu: Cpu,
@@ -59,16 +60,22 @@ impl Machine {
 
     fn with_phy(board: Board, is_there: bool) -> Result<Self, String> {
         let image = Image::of_board(board.name)?;
-        let bus = Rc::new(RefCell::new(Bus::new(board, Phy::new(is_there))));
+        let mut cells = Cells::new();
+        image.segments.iter().for_each(|(address, bytes)| cells.put(*address, bytes));
+        let bus = Rc::new(RefCell::new(Bus::new(board, Phy::new(is_there), cells)));
         let work = Rc::default();
-        let cpu =
-            Cpu::new(&board, &image, &random(&board), &bus, &work).map_err(|error| format!("{error:?}"))?;
+        let cpu = Cpu::new(&board, &random(&board), &bus, &work).map_err(|error| format!("{error:?}"))?;
         Ok(Self { board, image, bus, cpu, work, resets: Vec::new(), faults: Vec::new() })
     }
 
     /// The family of its chip.
     pub fn family(&self) -> Family {
         self.board.family
+    }
+
+    /// Bytes of the program that was built.
+    pub(crate) fn program_bytes(&self) -> usize {
+        (self.image.end(self.board.active) - self.board.active.0) as usize
     }
 
     /// Time since the first power-up.
@@ -161,7 +168,18 @@ impl Machine {
         let now = bus.now;
         let watchdog = bus.watchdog.next_event().is_some_and(|at| at <= now);
         let requested = bus.core.reset_requested;
+        let handed_over = std::mem::take(&mut bus.core.handed_over);
+        let (active, bytes) = self.board.active;
+        let is_torn = bus.flash.cells.is_torn_within(active..active + bytes);
         drop(bus);
+        if handed_over {
+            if is_torn {
+                return Err(Stop::Fault(
+                    "the boot loader starts an image with a word that is torn".to_owned(),
+                ));
+            }
+            self.cpu.hand_over(self.board.active);
+        }
         if watchdog || requested {
             self.reset(if watchdog { Reset::Watchdog } else { Reset::Software });
         }
@@ -188,7 +206,7 @@ impl Machine {
         self.resets.push(cause);
         self.bus.borrow_mut().reset(cause);
         // It has been made in the same way before.
-        if let Ok(cpu) = Cpu::new(&self.board, &self.image, &memories, &self.bus, &self.work) {
+        if let Ok(cpu) = Cpu::new(&self.board, &memories, &self.bus, &self.work) {
             self.cpu = cpu;
         }
     }

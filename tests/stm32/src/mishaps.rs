@@ -3,7 +3,7 @@
 use crate::machine::Machine;
 
 impl Machine {
-    /// Erasures and programmings of the settings' flash since the first power-up.
+    /// Erasures and programmings of the flash since the first power-up.
     pub fn flash_operations(&self) -> usize {
         self.bus.borrow().flash.cells.operations
     }
@@ -21,7 +21,8 @@ impl Machine {
 
     /// Puts zeros where the settings will be, as another program may have left them.
     pub fn soil_flash(&mut self) {
-        self.bus.borrow_mut().flash.cells.fill(0);
+        let (settings, sector) = self.board.settings;
+        self.bus.borrow_mut().flash.cells.put(settings, &vec![0; 2 * sector as usize]);
     }
 
     /// From now on the PHY never ends an access, or does so again.

@@ -18,6 +18,7 @@ mod network;
 mod passing;
 mod power;
 mod settings;
+mod updates;
 
 /// Makes a test of each function for each board.
 macro_rules! on_each_board {

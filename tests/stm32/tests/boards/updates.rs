@@ -1,0 +1,122 @@
+//! The boot loader: what it starts, swaps and swaps back, with power cuts in between.
+
+use std::time::Duration;
+
+use mobgate_stm32_emulator::{Board, Machine, Stop};
+
+use crate::figure::{Target, figure};
+use crate::{on_each_board, set_up, started, wait_for_prompt};
+
+on_each_board!(
+    an_image_that_waits_is_swapped_in_and_one_that_is_not_confirmed_goes_back,
+    an_image_that_faults_at_its_start_goes_back,
+    power_cuts_at_erasures_and_words_of_the_swap_and_of_the_way_back_leave_a_whole_image,
+);
+
+/// The longest swap, and a start.
+const START_MAX: Duration = Duration::from_secs(60);
+/// How long the lines may rest for an update, in seconds.
+const PAUSE_MAX: f64 = 30.0;
+
+fn name(board: Board) -> String {
+    board.name.to_uppercase().replace('_', "-")
+}
+
+/// The program with another name of the board, by which it is known.
+fn renamed(program: &[u8], board: Board) -> Vec<u8> {
+    let (name, mut renamed) = (name(board), program.to_vec());
+    let at = |bytes: &[u8]| bytes.windows(name.len()).position(|window| window == name.as_bytes());
+    while let Some(at) = at(&renamed) {
+        renamed[at + name.len() - 1] = b'X';
+    }
+    assert_ne!(renamed, program);
+    renamed
+}
+
+fn runs(machine: &mut Machine, name: &str) {
+    let version = machine.type_line("show version").unwrap();
+    assert!(version.contains(name), "{version}");
+}
+
+fn an_image_that_waits_is_swapped_in_and_one_that_is_not_confirmed_goes_back(board: Board) {
+    let mut machine = started(board);
+    let line = "port P1 serial uart1 rtu client 9600 8E1";
+    set_up(&mut machine, &[line]);
+    assert_eq!(machine.type_line("save").unwrap().trim(), "saved");
+    let (old, new_name) = (machine.program(), name(board).replace("ZI", "ZX"));
+    let new = renamed(&old, board);
+    machine.stage(&new);
+    let from = machine.now();
+    machine.power_cycle();
+    machine.wait_for_prompt(START_MAX).unwrap();
+    let pause = (machine.now() - from).as_secs_f64();
+    let name_of_figure = format!("{}_update_pause_s", board.name.trim_start_matches("nucleo_"));
+    figure(&name_of_figure, pause, "s", Target::AtMost(PAUSE_MAX));
+    runs(&mut machine, &new_name);
+    assert!(machine.program() == new);
+    machine.power_cycle();
+    machine.wait_for_prompt(START_MAX).unwrap();
+    runs(&mut machine, &name(board));
+    assert!(machine.program() == old);
+    assert!(machine.type_line("show config").unwrap().contains(line), "the settings are lost");
+    // It stays.
+    machine.power_cycle();
+    wait_for_prompt(&mut machine);
+    assert!(machine.program() == old);
+}
+
+fn an_image_that_faults_at_its_start_goes_back(board: Board) {
+    let mut machine = started(board);
+    let old = machine.program();
+    let mut broken = old.clone();
+    // Its reset vector leads nowhere.
+    broken[4..8].copy_from_slice(&0x6000_0001_u32.to_le_bytes());
+    machine.stage(&broken);
+    machine.power_cycle();
+    machine.wait_for_prompt(START_MAX).unwrap();
+    assert!(machine.program() == old);
+}
+
+/// Starts the board with a power cut in the middle of the flash's `operation`.
+fn cut(machine: &mut Machine, operation: usize) {
+    machine.power_cycle();
+    machine.cut_power_at(operation);
+    assert_eq!(machine.run(START_MAX), Err(Stop::PowerCut), "operation {operation}");
+    machine.keep_power();
+}
+
+/// Words within a page that are cut as well, of all pages: `MOBGATE_CUTS=8 cargo xtask test stm32` cuts eight.
+fn cuts_within() -> usize {
+    std::env::var("MOBGATE_CUTS").ok().and_then(|count| count.parse().ok()).unwrap_or(0)
+}
+
+fn power_cuts_at_erasures_and_words_of_the_swap_and_of_the_way_back_leave_a_whole_image(board: Board) {
+    let mut machine = started(board);
+    let old = machine.program();
+    let new = renamed(&old, board);
+    machine.stage(&new);
+    let (pages, words) = machine.pages_to_swap();
+    for running in [&new, &old] {
+        for page in 0..pages {
+            // Its erasure, its first word, some of those in between, its last word.
+            cut(&mut machine, 0);
+            cut(&mut machine, 1);
+            (0..cuts_within())
+                .for_each(|nth| cut(&mut machine, 2 + (page * 31 + nth + 1) * 7919 % (words - 2)));
+            cut(&mut machine, words);
+            // The word of the state that says it is copied. With that of the last page the new image is on trial, and a power cut ends it.
+            if page + 1 < pages || running == &old {
+                cut(&mut machine, words + 1);
+            }
+        }
+        if running == &old {
+            // And its end: that the progress is void, the erasure of the state.
+            cut(&mut machine, 0);
+            let has_ecc = machine.flash_word_bytes() > 4;
+            cut(&mut machine, usize::from(!has_ecc));
+        }
+        machine.power_cycle();
+        machine.wait_for_prompt(START_MAX).unwrap();
+        assert!(machine.program() == *running);
+    }
+}

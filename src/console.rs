@@ -63,20 +63,14 @@ const STOP_BYTES_MAX: usize = 16;
 ///
 /// The future takes less than 7 kB on a 32-bit chip. Dropping it during `save` leaves an unfinished version in `store`, and during
 /// `update` an unfinished image in `update`: the next session needs other instances.
-pub async fn run<IO, S, U, Y>(
+pub async fn run<IO: Read + Write, S: Store, U: Update, Y: System>(
     gateway: &Gateway<'_>,
     mut stream: IO,
     store: &mut S,
     update: &mut U,
     system: &Y,
     mode: Mode,
-) -> Result<Ended, IO::Error>
-where
-    IO: Read + Write,
-    S: Store,
-    U: Update,
-    Y: System,
-{
+) -> Result<Ended, IO::Error> {
     let mut shell = Shell::new(gateway, system, mode);
     let mut wait = shell.start();
     let (mut chunk, mut keys, mut stop) = ([0; CHUNK_BYTES_MAX], 0..0, [0; STOP_BYTES_MAX]);
@@ -86,7 +80,6 @@ where
         stream.write_all(shell.session.out.text.as_bytes()).await?;
         shell.session.out.clear();
         if let Wait::Update { allow_older } = wait {
-            stream.flush().await?;
             let received = update::receive(&mut stream, update, allow_older).await?;
             // What was typed ahead may be of the transfer.
             keys = if U::EXISTS { 0..0 } else { keys };

@@ -50,6 +50,7 @@ where
         let refused = update.begin(None, allow_older).await.err().unwrap_or(UpdateError::Failed);
         return Ok(Err(Failed::Refused(refused)));
     }
+    stream.flush().await?;
     let received = transfer(stream, update, allow_older).await;
     update.discard();
     let received = received?;

@@ -12,6 +12,7 @@ mod config_error;
 mod configuration;
 mod controller;
 mod diagnosis;
+mod firmware;
 mod image;
 mod keeping;
 mod layout;
@@ -39,7 +40,9 @@ pub use config_error::ConfigError;
 pub use configuration::Configuration;
 #[cfg(feature = "long-images")] // Requires the memory of that feature.
 pub use controller::{LongSubDevice, long_device, serve_long};
-pub use controller::{device, serve};
+pub use controller::{device, serve, updatable_device};
+pub(crate) use firmware::Work;
+pub use firmware::{FirmwareBuffer, GatewayFiles};
 #[doc(hidden)] // Public for tests/ only.
 pub use keeping::Keep;
 #[doc(hidden)] // Public for tests/ only.

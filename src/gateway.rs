@@ -37,6 +37,7 @@ pub mod response_times;
 pub mod saved;
 mod shared;
 pub(crate) mod socket;
+mod take_firmware;
 pub(crate) mod turns;
 #[doc(hidden)] // Public for tests/ only.
 pub mod unit_health;

@@ -1,6 +1,6 @@
 //! The values of the gateway's objects.
 
-use core::fmt::Write;
+mod checks;
 
 use embassy_time::Instant;
 use ethercat_subdevice::al_state::{AlState, AlStatusCode};
@@ -11,15 +11,15 @@ use ethercat_subdevice::coe::emergency::Emergency;
 use ethercat_subdevice::diagnosis::History;
 use ethercat_subdevice::dictionary::number;
 use ethercat_subdevice::esc::EscError;
+use ethercat_subdevice::foe::{FileAccess, Files, NoFiles};
 use ethercat_subdevice::indicators::Indicators;
 use ethercat_subdevice::object::Object;
 use ethercat_subdevice::sync_manager::Channel;
-use heapless::String;
 
 use super::config_error::ConfigError;
+use super::firmware::GatewayFiles;
 use super::keeping::{Keep, Kept};
 use super::line::LineWriter;
-use super::objects::REASON_BYTES;
 use super::points::PointObjects;
 use super::room::{LONG_LAST_INPUTS, Room, span};
 use super::shared::EthercatState;
@@ -33,7 +33,7 @@ const FIXED_NS: u32 = 25_000;
 const MODULE_NS: u32 = 4_000;
 
 /// Reads and writes of configuration, layout and buffers.
-pub struct GatewayObjects<'p> {
+pub struct GatewayObjects<'p, F = NoFiles> {
     shared: &'p EthercatState,
     /// Why the last request was refused.
     refused: Option<ConfigError>,
@@ -44,6 +44,7 @@ pub struct GatewayObjects<'p> {
     points: PointObjects<'p>,
     /// Only in a modular gateway.
     slots: Option<Slots<'p>>,
+    files: F,
 }
 
 impl<'p> GatewayObjects<'p> {
@@ -51,7 +52,15 @@ impl<'p> GatewayObjects<'p> {
     pub fn new(shared: &'p EthercatState) -> Self {
         shared.set_room(Room::FIRST);
         let points = PointObjects::default();
-        Self { shared, refused: None, outputs_valid: false, input_counter: 0, points, slots: None }
+        Self {
+            shared,
+            refused: None,
+            outputs_valid: false,
+            input_counter: 0,
+            points,
+            slots: None,
+            files: NoFiles,
+        }
     }
 
     /// The objects of a [modular](super::MODULAR) gateway.
@@ -61,6 +70,15 @@ impl<'p> GatewayObjects<'p> {
         objects
     }
 
+    /// Adds the files of `files`: those of new firmware.
+    #[must_use]
+    pub fn with_files<F: GatewayFiles>(self, files: F) -> GatewayObjects<'p, F> {
+        let Self { shared, refused, outputs_valid, input_counter, points, slots, .. } = self;
+        GatewayObjects { shared, refused, outputs_valid, input_counter, points, slots, files }
+    }
+}
+
+impl<'p, F> GatewayObjects<'p, F> {
     /// Switches to the device selected by the settings; returns whether it is the modular one.
     pub(super) fn follow_settings(&mut self) -> bool {
         let modular = self.shared.wants_modules();
@@ -117,59 +135,6 @@ impl<'p> GatewayObjects<'p> {
             },
         })
     }
-
-    /// Checks the configuration; records the reason if it is refused.
-    fn check_configuration(&mut self) -> Result<(), Abort> {
-        let checked = self.shared.check().map(|_| ());
-        if let Err(why) = checked {
-            self.shared.configuration_refused(why);
-        }
-        self.note(checked)
-    }
-
-    /// Checks whether `keep` is possible, and `signature` is right.
-    fn check_keeping(&mut self, keep: Keep, signature: u64) -> Result<(), Abort> {
-        if signature != keep.signature().into() {
-            return Err(Abort::NotStored);
-        }
-        let checked = match keep {
-            _ if !self.shared.keeping.has_store() => Err(ConfigError::NoStore),
-            Keep::Save if !self.shared.is_running() => Err(ConfigError::NotInUse),
-            Keep::Restore if self.shared.is_running() => return Err(Abort::State),
-            Keep::Save | Keep::Restore => Ok(()),
-        };
-        self.note(checked)
-    }
-
-    /// Applies the modules as written, on the way to SafeOp.
-    fn take_modules_over(&mut self) -> Result<(), AlStatusCode> {
-        self.refused = self.slots.as_mut().and_then(|slots| slots.take_over().err());
-        let Some(error) = self.refused else { return Ok(()) };
-        self.shared.configuration_refused(error);
-        Err(error.al_status())
-    }
-
-    /// Records why something is refused.
-    fn note(&mut self, checked: Result<(), ConfigError>) -> Result<(), Abort> {
-        self.refused = checked.err();
-        match self.refused {
-            None => Ok(()),
-            Some(ConfigError::NoPort | ConfigError::NoLine) => Err(Abort::LocalControl),
-            Some(ConfigError::NotInUse) => Err(Abort::State),
-            Some(ConfigError::NoStore | ConfigError::NotSaved) => Err(Abort::NotStored),
-            Some(_) => Err(Abort::Incompatible),
-        }
-    }
-
-    /// The reason of the last refusal, as text (2006h).
-    fn reason(&self) -> String<{ REASON_BYTES as usize }> {
-        let mut text = String::new();
-        if let Some(error) = self.refused.or(self.shared.missing()) {
-            // Every reason fits, as a test checks.
-            let _ = write!(text, "{error}");
-        }
-        text
-    }
 }
 
 /// Copies the entry `sub` of an object into `into`; the object's first byte is byte `first` of `buffer`.
@@ -179,7 +144,7 @@ fn copy_entry(buffer: &[u8], first: u16, sub: u8, into: &mut [u8]) -> Result<(),
     Ok(())
 }
 
-impl Application for GatewayObjects<'_> {
+impl<F: GatewayFiles> Application for GatewayObjects<'_, F> {
     fn proves_outputs(&self) -> bool {
         self.shared.proves_outputs()
     }
@@ -206,6 +171,10 @@ impl Application for GatewayObjects<'_> {
 
     fn assignment(&self, channel: Channel) -> Option<Assignment> {
         self.slots.as_ref().map(|slots| slots.assignment(channel))
+    }
+
+    fn files(&mut self) -> Option<&mut impl Files> {
+        (F::ACCESS != FileAccess::None).then_some(&mut self.files)
     }
 
     fn identification(&self) -> Option<u16> {
@@ -393,5 +362,6 @@ impl Application for GatewayObjects<'_> {
 
     fn entered(&mut self, state: AlState) {
         self.shared.set_exchanging(state.has_process_data());
+        self.files.entered(state);
     }
 }

@@ -4,10 +4,12 @@ use embassy_time::{Duration, Timer};
 use ethercat_subdevice::application::Application as _;
 use ethercat_subdevice::device::Device;
 use ethercat_subdevice::esc::{Esc, EscError};
+use ethercat_subdevice::foe::FileAccess;
 use ethercat_subdevice::sub_device::{RESTART_PAUSE, SubDevice};
 
 use super::application::GatewayObjects;
 use super::chip::Controller;
+use super::firmware::GatewayFiles;
 use super::modular::MODULAR;
 use super::objects::DEVICE;
 
@@ -23,6 +25,8 @@ const LOST_LOOK_INTERVAL: Duration = Duration::from_millis(100);
 
 static FIXED: Device = DEVICE;
 static WITH_MODULES: Device = MODULAR;
+static UPDATABLE: Device = Device { files: FileAccess::WithBoot, ..DEVICE };
+static UPDATABLE_WITH_MODULES: Device = Device { files: FileAccess::WithBoot, ..MODULAR };
 #[cfg(feature = "long-images")] // Only for images that serve it.
 static LONG: Device = LONG_DEVICE;
 #[cfg(feature = "long-images")] // Only for images that serve it.
@@ -31,6 +35,11 @@ static LONG_WITH_MODULES: Device = LONG_MODULAR;
 /// The description of the gateway as a SubDevice: with fixed process data, or with modules.
 pub fn device(modules: bool) -> &'static Device {
     if modules { &WITH_MODULES } else { &FIXED }
+}
+
+/// The same for a board that takes new firmware in Boot.
+pub fn updatable_device(modules: bool) -> &'static Device {
+    if modules { &UPDATABLE_WITH_MODULES } else { &UPDATABLE }
 }
 
 /// The same with long images.
@@ -49,14 +58,17 @@ pub type LongSubDevice<E, A> = SubDevice<
 >;
 
 /// The gateway's EtherCAT task: serves the controller behind `esc` forever, whenever it is present. `points` are the gateway's data
-/// points, if any; `attention` as for [`SubDevice::run`].
-pub async fn serve(
+/// points, if any; `files` are a [`FirmwareBuffer`](super::FirmwareBuffer), or [`NoFiles`](ethercat_subdevice::foe::NoFiles);
+/// `attention` as for [`SubDevice::run`].
+pub async fn serve<F: GatewayFiles>(
     shared: &EthercatState,
     points: Option<&ScannerState>,
+    files: F,
     esc: impl Esc,
     attention: impl AsyncFnMut(),
 ) -> ! {
-    let objects = GatewayObjects::new(shared).with_points(points);
+    let objects = GatewayObjects::new(shared).with_points(points).with_files(files);
+    let device = if F::ACCESS == FileAccess::None { device } else { updatable_device };
     run(shared, &mut SubDevice::new(device(false), esc, objects), device, attention).await
 }
 
@@ -77,7 +89,7 @@ pub async fn serve_long(
 /// its arguments and what it moves them to.
 async fn run<const OUTPUTS: usize, const INPUTS: usize>(
     shared: &EthercatState,
-    sub_device: &mut SubDevice<impl Esc, GatewayObjects<'_>, OUTPUTS, INPUTS>,
+    sub_device: &mut SubDevice<impl Esc, GatewayObjects<'_, impl GatewayFiles>, OUTPUTS, INPUTS>,
     device: fn(bool) -> &'static Device,
     mut attention: impl AsyncFnMut(),
 ) -> ! {

@@ -5,6 +5,7 @@ mod spi;
 
 use embassy_executor::Spawner;
 use embassy_time::Duration;
+use ethercat_subdevice::foe::NoFiles;
 use ethercat_subdevice::indicators::Lamps;
 use ethercat_subdevice::lan9252::{Lan9252, Wiring};
 use mobgate::fieldbus::{EthercatState, serve};
@@ -33,7 +34,7 @@ pub(crate) fn start(spawner: Spawner) {
 async fn run() {
     let wires = Wires::open();
     let controller = Lan9252::new(Spi(&wires), Wiring::default());
-    serve(&ETHERCAT, Some(&SCANNER), controller, async || wires.interrupt().await).await
+    serve(&ETHERCAT, Some(&SCANNER), NoFiles, controller, async || wires.interrupt().await).await
 }
 
 /// LED register of the FPGA's I/O (AN386): bit 0 is LED0, bit 1 is LED1.

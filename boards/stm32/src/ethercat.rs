@@ -15,6 +15,7 @@ use embassy_stm32::time::Hertz;
 use embassy_stm32::{Peri, dma, exti};
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::mutex::Mutex;
+use ethercat_subdevice::foe::NoFiles;
 use ethercat_subdevice::lan9252::{Lan9252, Wiring};
 use mobgate::fieldbus::serve;
 use mobgate_firmware::gateway::{LIVENESS, Task};
@@ -81,5 +82,5 @@ async fn serve_controller(Wires { spi, select, mut interrupt }: Wires) {
     // Mostly DMA setup and completion: an estimate of 840 cycles at 168 MHz, not measured on a board.
     let wiring = Wiring { spi_hz: SPI_CLOCK_HZ_MIN, select_ns: 5_000, ..Wiring::default() };
     let controller = Lan9252::new(SpiDevice::new(&bus, select), wiring);
-    serve(&ETHERCAT, Some(&SCANNER), controller, async || interrupt.wait_for_high().await).await
+    serve(&ETHERCAT, Some(&SCANNER), NoFiles, controller, async || interrupt.wait_for_high().await).await
 }

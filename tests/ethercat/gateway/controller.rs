@@ -1,5 +1,6 @@
 //! A controller that is not there, comes, and goes, as the gateway's port shows it; and what is read of it, as the port is set.
 
+use ethercat_subdevice::foe::NoFiles;
 use ethercat_subdevice::lan9252::Lan9252 as Driver;
 use mobgate::fieldbus::{Controller, LONG_DEVICE, serve, serve_long};
 use mobgate::gateway::Status;
@@ -21,7 +22,7 @@ fn serve_at<'g>(world: &World<'g>, rig: &Rig<'g>, line: &SharedSegment, timing: 
     let driver = Driver::new(lan9252.spi(), Wiring::default());
     let mut interrupt = lan9252.interrupt();
     world.spawn(async move {
-        serve(place, None, driver, async || interrupt.wait_for_high().await.unwrap()).await;
+        serve(place, None, NoFiles, driver, async || interrupt.wait_for_high().await.unwrap()).await;
     });
     lan9252
 }

@@ -1,6 +1,6 @@
 //! Power cuts at every word written and every sector erased while settings are saved to flash.
 
-use mobgate_flash::FlashStore;
+use mobgate_flash::{FlashStore, Image};
 use mobgate_simulator::flash::SimFlash;
 use mobgate_simulator::power_cuts::{Tally, sweep, text};
 
@@ -35,6 +35,6 @@ pub(crate) fn figures() {
 
 fn cut<const WORD: usize>(saves: usize, (old, new): (usize, usize)) -> Tally {
     let texts = (text(old, 1), text(new, 2));
-    let open = async |flash: SimFlash<WORD, SECTOR>| FlashStore::open(flash, 0).await;
+    let open = async |flash: SimFlash<WORD, SECTOR>| FlashStore::open(flash, 0, Image::ONLY).await;
     sweep(open, saves, (&texts.0, &texts.1), saves as u64)
 }

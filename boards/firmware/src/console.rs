@@ -8,7 +8,7 @@ use embedded_io_async::{Read, Write};
 use embedded_storage_async::nor_flash::NorFlash;
 use mobgate::console::{self, Mode};
 use mobgate::hal::NoUpdate;
-use mobgate_flash::{FlashStore, SharedStore};
+use mobgate_flash::{FlashStore, Image, SharedStore};
 
 use crate::gateway::{LIVENESS, Task, gateway};
 use crate::start;
@@ -46,7 +46,7 @@ async fn serve(
     forget: bool,
 ) {
     // If the flash has failed, the console still runs and the store reports it.
-    let flash = Mutex::<NoopRawMutex, _>::new(FlashStore::open(flash, settings).await);
+    let flash = Mutex::<NoopRawMutex, _>::new(FlashStore::open(flash, settings, Image::ONLY).await);
     let mut store = SharedStore::new(&flash);
     board.settings = start::settings(&mut store, forget).await.err();
     if let Some(problem) = &board.settings {

@@ -34,9 +34,34 @@ impl Head {
     }
 }
 
+/// The head of the settings that were saved while an image was on trial: a [`Head`], and the image's id.
+pub(crate) const TRIAL_BYTES: usize = HEAD_BYTES + size_of::<u32>();
+
+/// A trial's head with the id of its image. An item of no bytes is none.
+pub(crate) fn trial_to_bytes(head: Head, image: u32) -> [u8; TRIAL_BYTES] {
+    let mut bytes = [0; TRIAL_BYTES];
+    let all = head.to_bytes().into_iter().chain(image.to_le_bytes());
+    bytes.iter_mut().zip(all).for_each(|(to, from)| *to = from);
+    bytes
+}
+
+/// `None` if another firmware version wrote it, or there is none.
+pub(crate) fn trial_from_bytes(bytes: &[u8]) -> Option<(Head, u32)> {
+    let (head, &image) = bytes.split_last_chunk()?;
+    Some((Head::from_bytes(head)?, u32::from_le_bytes(image)))
+}
+
 #[cfg(test)]
 mod tests {
-    use super::Head;
+    use super::{Head, trial_from_bytes, trial_to_bytes};
+
+    #[test]
+    fn a_trials_head_reads_back() {
+        let head = Head { copy: 1, length: 0x1_0203, crc: 0xdead_beef };
+        assert_eq!(trial_from_bytes(&trial_to_bytes(head, 7)), Some((head, 7)));
+        assert_eq!(trial_from_bytes(&[]), None);
+        assert_eq!(trial_from_bytes(&[0; 14]), None);
+    }
 
     #[test]
     fn a_head_reads_back_and_another_versions_head_does_not() {

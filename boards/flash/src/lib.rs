@@ -5,6 +5,9 @@
 //! a head says which one is valid, its length and its CRC. A save writes the pieces of the other copy, reads them back, and then
 //! writes the head: that single item commits. [`shared`] lets several consoles use the store.
 //!
+//! While new firmware is on trial, what is saved has a head of its own. If it is confirmed, those are the settings; if it goes back,
+//! the old ones hold again.
+//!
 //! # What a save costs
 //!
 //! Settings of 2 KiB take 2 pieces and a head, so a sector takes some 60 saves before the other one is erased. Erasing takes as
@@ -23,4 +26,4 @@ pub mod shared;
 mod store;
 
 pub use shared::SharedStore;
-pub use store::{FlashStore, TEXT_BYTES_MAX, text_bytes_max};
+pub use store::{FlashStore, Image, TEXT_BYTES_MAX, text_bytes_max};

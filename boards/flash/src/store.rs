@@ -1,4 +1,7 @@
 //! [`FlashStore`]: two copies of the text as numbered pieces in a map, and a head that says which one is valid.
+//!
+//! While an image is on trial, the head stays as it is: what is saved goes to the other copy, with a head of its own that names the
+//! image. Confirming makes that the head. If another image runs at the next start, that one went back, and its head is dropped.
 
 use crc::{Digest, Table};
 use embedded_storage_async::nor_flash::NorFlash;
@@ -11,7 +14,7 @@ use sequential_storage::cache::page_pointers::ArrayPagePointers;
 use sequential_storage::cache::page_states::ArrayPageStates;
 use sequential_storage::map::{MapConfig, MapStorage};
 
-use crate::head::{CRC, HEAD_BYTES, Head};
+use crate::head::{CRC, Head, TRIAL_BYTES, trial_from_bytes, trial_to_bytes};
 use crate::sectors::{SECTORS, Sectors};
 
 /// Longest text: room for the network, all ports and all rules as lines of full length. The other lines share it; a longer text
@@ -25,8 +28,10 @@ const PIECES_MAX: usize = TEXT_BYTES_MAX.div_ceil(PIECE_BYTES);
 /// The head's key. A piece's key is its number and, in [`COPY_BIT`], its copy.
 const HEAD_KEY: u16 = u16::MAX;
 const COPY_BIT: u16 = 0x100;
-/// Keys of both copies and the head.
-const KEYS: usize = 2 * PIECES_MAX + 1;
+/// The key of a trial's head.
+const TRIAL_KEY: u16 = HEAD_KEY - 1;
+/// Keys of both copies and the heads.
+const KEYS: usize = 2 * PIECES_MAX + 2;
 const _: () = assert!(PIECES_MAX < COPY_BIT as usize);
 
 type Finder = Cache<
@@ -49,17 +54,36 @@ fn map<F: NorFlash>(sectors: Sectors<F>) -> Map<F> {
 pub const fn text_bytes_max<F: NorFlash>() -> usize {
     let sector = <Sectors<F> as NorFlash>::ERASE_SIZE - 2 * F::WRITE_SIZE;
     let overhead = MapStorage::<u16, Sectors<F>, Finder>::item_overhead_size() as usize;
-    let head = overhead + (KEY_BYTES + HEAD_BYTES).next_multiple_of(F::WRITE_SIZE);
-    let pieces = (sector - head) / (2 * (overhead + KEY_BYTES + PIECE_BYTES));
+    let head = overhead + (KEY_BYTES + TRIAL_BYTES).next_multiple_of(F::WRITE_SIZE);
+    let pieces = (sector - 2 * head) / (2 * (overhead + KEY_BYTES + PIECE_BYTES));
     if pieces < PIECES_MAX { pieces * PIECE_BYTES } else { TEXT_BYTES_MAX }
+}
+
+/// The image that runs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Image {
+    /// A number that the image before it does not have.
+    pub id: u32,
+    /// False while it is on trial.
+    pub confirmed: bool,
+}
+
+impl Image {
+    /// On a board without updates.
+    pub const ONLY: Self = Self { id: 0, confirmed: true };
 }
 
 /// Stores the settings in two sectors of `F`.
 pub struct FlashStore<F: NorFlash> {
     /// `None` only while it is rebuilt.
     map: Option<Map<F>>,
+    image: Image,
     /// The valid copy, or why nothing can be read.
     head: Result<Option<Head>, StoreError>,
+    /// The copy saved by the image on trial, which is valid until the image goes back.
+    trial: Option<Head>,
+    /// Whether the flash has a trial's head.
+    has_trial: bool,
     /// Scratch buffer of the map for one item.
     buffer: [u8; KEY_BYTES + PIECE_BYTES],
     /// The version being written.
@@ -78,20 +102,82 @@ struct Next {
 impl<F: NorFlash> FlashStore<F> {
     /// Opens the store in the two sectors at `start` of `flash`, and completes what a power cut interrupted. If the flash fails,
     /// nothing is read or written until the next start.
-    pub async fn open(flash: F, start: u32) -> Self {
+    pub async fn open(flash: F, start: u32, image: Image) -> Self {
         let mut sectors = Sectors::new(flash, start);
         let prepared = sectors.prepare().await;
         let mut store = Self {
             map: Some(map(sectors)),
+            image,
             head: Err(StoreError::Failed),
+            trial: None,
+            has_trial: false,
             buffer: [0; KEY_BYTES + PIECE_BYTES],
             next: None,
             piece: [0; PIECE_BYTES],
         };
         if prepared.is_ok() {
-            store.head = store.find_head().await;
+            store.find().await;
         }
         store
+    }
+
+    /// The image on trial is confirmed: what it has saved are the settings from now on.
+    ///
+    /// The image must be confirmed to the boot loader before, and no save may be in progress then: a caller locks the store, confirms,
+    /// and calls this. A power cut between is harmless, because the next start finds a confirmed image and does the same.
+    ///
+    /// # Errors
+    /// If the flash fails; the next start tries again.
+    pub async fn confirm(&mut self) -> Result<(), StoreError> {
+        self.image.confirmed = true;
+        if let Some(head) = self.trial {
+            self.put(HEAD_KEY, &head.to_bytes()).await?;
+            (self.head, self.trial) = (Ok(Some(head)), None);
+        }
+        self.drop_trial().await
+    }
+
+    /// Finds the heads, and completes a confirmation, or the way back.
+    async fn find(&mut self) {
+        self.head = self.find_head().await;
+        // A trial's head that cannot be read is none.
+        self.trial = self.find_trial().await.unwrap_or_default();
+        // What fails here is tried again before the next save, or at the next start.
+        let _ = match self.trial {
+            Some(_) if self.image.confirmed => self.confirm().await,
+            Some(_) => Ok(()),
+            None => self.drop_trial().await,
+        };
+    }
+
+    /// The head of this image's trial, if its text matches it. Once confirmed it names the same copy as the head, and is over.
+    async fn find_trial(&mut self) -> Result<Option<Head>, StoreError> {
+        let map = self.map.as_mut().ok_or(StoreError::Failed)?;
+        let found = map.fetch_item::<&[u8]>(&mut self.buffer, &TRIAL_KEY).await.map_err(reason)?;
+        let bytes = found.unwrap_or_default();
+        self.has_trial = !bytes.is_empty();
+        let Some((head, image)) = trial_from_bytes(bytes) else { return Ok(None) };
+        let is_over = matches!(self.head, Ok(Some(Head { copy, .. })) if copy == head.copy);
+        if is_over || image != self.image.id {
+            return Ok(None);
+        }
+        self.check(&head).await?;
+        Ok(Some(head))
+    }
+
+    /// Drops the trial's head of the flash.
+    async fn drop_trial(&mut self) -> Result<(), StoreError> {
+        if self.has_trial {
+            self.put(TRIAL_KEY, &[]).await?;
+            self.has_trial = false;
+        }
+        Ok(())
+    }
+
+    /// Stores a head.
+    async fn put(&mut self, key: u16, bytes: &[u8]) -> Result<(), StoreError> {
+        let map = self.map.as_mut().ok_or(StoreError::Failed)?;
+        map.store_item(&mut self.buffer, &key, &bytes).await.map_err(reason)
     }
 
     /// Discards an uncommitted version.
@@ -132,8 +218,13 @@ impl<F: NorFlash> FlashStore<F> {
         if self.head == Err(StoreError::Damaged) {
             // Nothing is readable, so nothing is lost, and damaged items might be in the way.
             self.erase().await?;
-            self.head = Ok(None);
+            (self.head, self.has_trial) = (Ok(None), false);
         }
+        if self.image.confirmed {
+            self.drop_trial().await?;
+        }
+        // Overwritten from here on. A power cut loses nothing by that: a restart ends the trial.
+        self.trial = None;
         let holds = self.head?.map_or(1, |head| head.copy);
         Ok(Next { copy: 1 - holds, length: 0, digest: CRC.digest() })
     }
@@ -182,15 +273,20 @@ impl<F: NorFlash> FlashStore<F> {
         let head = Head { copy: next.copy, length: next.length as u32, crc: next.digest.finalize() };
         // A failed read-back is the medium's fault; the old text is still valid.
         self.check(&head).await.map_err(|_| StoreError::Failed)?;
-        let map = self.map.as_mut().ok_or(StoreError::Failed)?;
-        map.store_item(&mut self.buffer, &HEAD_KEY, &head.to_bytes().as_slice()).await.map_err(reason)?;
+        if self.image.confirmed {
+            self.put(HEAD_KEY, &head.to_bytes()).await?;
+        } else {
+            self.has_trial = true;
+            self.put(TRIAL_KEY, &trial_to_bytes(head, self.image.id)).await?;
+        }
         Ok(head)
     }
 }
 
 impl<F: NorFlash> Store for FlashStore<F> {
     async fn read(&mut self, offset: usize, into: &mut [u8]) -> Result<usize, StoreError> {
-        let Some(head) = self.head? else { return Ok(0) };
+        let valid = self.trial.map_or(self.head, |head| Ok(Some(head)));
+        let Some(head) = valid? else { return Ok(0) };
         let left = (head.length as usize).saturating_sub(offset);
         if left == 0 {
             return Ok(0);
@@ -219,10 +315,11 @@ impl<F: NorFlash> Store for FlashStore<F> {
             None => self.begin().await?,
         };
         match self.finish(next).await {
-            Ok(head) => self.head = Ok(Some(head)),
+            Ok(head) if self.image.confirmed => self.head = Ok(Some(head)),
+            Ok(head) => self.trial = Some(head),
             Err(error) => {
                 // The head may or may not have been written.
-                self.head = self.find_head().await;
+                self.find().await;
                 return Err(error);
             }
         }

@@ -1,7 +1,7 @@
 //! Saves whose power is cut at every step. `cargo xtask bench power_cuts` does more of them.
 
 use mobgate_clock as _;
-use mobgate_flash::FlashStore;
+use mobgate_flash::{FlashStore, Image};
 use mobgate_simulator::flash::SimFlash;
 use mobgate_simulator::power_cuts::{Tally, sweep, text};
 
@@ -10,7 +10,7 @@ const SECTOR: usize = 8 * 1024;
 
 fn cut<const WORD: usize>(saves: usize, old: usize, new: usize) -> Tally {
     let texts = (text(old, 1_000), text(new, 1_001));
-    let open = async |flash: SimFlash<WORD, SECTOR>| FlashStore::open(flash, 0).await;
+    let open = async |flash: SimFlash<WORD, SECTOR>| FlashStore::open(flash, 0, Image::ONLY).await;
     let tally = sweep(open, saves, (&texts.0, &texts.1), (saves + old + new) as u64);
     assert!(tally.cuts > 0 && tally.new > 0 && tally.old > 0, "{tally:?}");
     assert_eq!((tally.garbage, tally.stuck), (0, 0), "{tally:?}");

@@ -11,7 +11,7 @@ use mobgate::gateway::saved::{read_store, write_store};
 use mobgate::hal::{Store, StoreError};
 use mobgate::settings::{PORTS_MAX, ROUTES_MAX, Settings};
 use mobgate_clock as _;
-use mobgate_flash::{FlashStore, SharedStore, TEXT_BYTES_MAX, text_bytes_max};
+use mobgate_flash::{FlashStore, Image, SharedStore, TEXT_BYTES_MAX, text_bytes_max};
 use mobgate_simulator::flash::{PowerCut, SimFlash};
 
 /// As in an STM32H743: 32-byte words, sectors of 128 KiB.
@@ -39,11 +39,11 @@ fn save(store: &mut impl Store, text: &[u8]) -> Result<(), StoreError> {
 #[test]
 fn settings_survive_a_restart_and_a_chip_without_any_has_none() {
     let flash = Flash::new(2, 1);
-    let mut store = block_on(FlashStore::open(flash.clone(), 0));
+    let mut store = block_on(FlashStore::open(flash.clone(), 0, Image::ONLY));
     let mut settings = Settings::new();
     assert_eq!(block_on(read_store(&mut store, &mut settings, &mut |_, _, _| {})), Ok(0));
     block_on(write_store(&settings, &mut store)).unwrap();
-    let mut store = block_on(FlashStore::open(flash, 0));
+    let mut store = block_on(FlashStore::open(flash, 0, Image::ONLY));
     assert_eq!(block_on(read_store(&mut store, &mut settings, &mut |_, _, _| {})), Ok(1));
 }
 
@@ -53,19 +53,19 @@ fn the_longest_text_fits_again_and_again_and_a_longer_one_changes_nothing() {
     const MOST: usize = text_bytes_max::<Flash>();
     const { assert!(MOST >= (PORTS_MAX + ROUTES_MAX + 1) * 641 && MOST <= TEXT_BYTES_MAX) };
     let flash = Flash::new(2, 2);
-    let mut store = block_on(FlashStore::open(flash.clone(), 0));
+    let mut store = block_on(FlashStore::open(flash.clone(), 0, Image::ONLY));
     for fill in b'a'..b'h' {
         save(&mut store, &vec![fill; MOST]).unwrap();
     }
     assert_eq!(save(&mut store, &vec![b'x'; MOST + 1]), Err(StoreError::Full(MOST)));
     assert!(read(&mut store).unwrap() == vec![b'g'; MOST]);
-    let mut store = block_on(FlashStore::open(flash, 0));
+    let mut store = block_on(FlashStore::open(flash, 0, Image::ONLY));
     assert!(read(&mut store).unwrap() == vec![b'g'; MOST]);
 }
 
 #[test]
 fn a_save_that_was_given_up_is_no_part_of_the_next_one() {
-    let store = block_on(FlashStore::open(Flash::new(2, 3), 0));
+    let store = block_on(FlashStore::open(Flash::new(2, 3), 0, Image::ONLY));
     let store = Mutex::<NoopRawMutex, _>::new(store);
     let mut gone = SharedStore::new(&store);
     block_on(gone.append(b"half a ")).unwrap();
@@ -78,10 +78,10 @@ fn a_save_that_was_given_up_is_no_part_of_the_next_one() {
 #[test]
 fn what_is_damaged_is_said_to_be_and_can_be_saved_over() {
     let flash = Flash::new(2, 4);
-    save(&mut block_on(FlashStore::open(flash.clone(), 0)), b"port P1\n").unwrap();
+    save(&mut block_on(FlashStore::open(flash.clone(), 0, Image::ONLY)), b"port P1\n").unwrap();
     // Zeros may be written anywhere: over the first piece, behind the marks, the map's own word and the item's header.
     block_on(flash.clone().write(4 * 32, &[0; 32])).unwrap();
-    let mut store = block_on(FlashStore::open(flash, 0));
+    let mut store = block_on(FlashStore::open(flash, 0, Image::ONLY));
     assert_eq!(read(&mut store), Err(StoreError::Damaged));
     save(&mut store, b"port P2\n").unwrap();
     assert_eq!(read(&mut store).unwrap(), b"port P2\n");
@@ -100,7 +100,7 @@ fn place_of(flash: &FineFlash, bytes: &[u8]) -> u32 {
 #[test]
 fn settings_that_are_partly_of_an_older_save_are_damaged_and_no_settings() {
     let flash = FineFlash::new(2, 5);
-    let mut store = block_on(FlashStore::open(flash.clone(), 0));
+    let mut store = block_on(FlashStore::open(flash.clone(), 0, Image::ONLY));
     for text in ["port P1 rtu\n", "port P2 rtu\n", "port P3 rtu\n"] {
         save(&mut store, text.as_bytes()).unwrap();
     }
@@ -110,7 +110,7 @@ fn settings_that_are_partly_of_an_older_save_are_damaged_and_no_settings() {
     let text = place_of(&flash, b"port P3");
     let check = (text - size_of::<u16>() as u32 - 2 * 4) & !3;
     block_on(flash.clone().write(check, &[0; 4])).unwrap();
-    let mut store = block_on(FlashStore::open(flash, 0));
+    let mut store = block_on(FlashStore::open(flash, 0, Image::ONLY));
     assert_eq!(read(&mut store), Err(StoreError::Damaged));
 }
 
@@ -155,11 +155,11 @@ impl NorFlash for Worn {
 #[test]
 fn a_save_that_does_not_read_back_has_failed_and_the_old_settings_hold() {
     let worn = Worn { flash: FineFlash::new(2, 6), value: b'~' };
-    let mut store = block_on(FlashStore::open(worn.clone(), 0));
+    let mut store = block_on(FlashStore::open(worn.clone(), 0, Image::ONLY));
     save(&mut store, b"port good\n").unwrap();
     assert_eq!(save(&mut store, b"port ~\n"), Err(StoreError::Failed));
     assert_eq!(read(&mut store).unwrap(), b"port good\n");
-    let mut store = block_on(FlashStore::open(worn, 0));
+    let mut store = block_on(FlashStore::open(worn, 0, Image::ONLY));
     assert_eq!(read(&mut store).unwrap(), b"port good\n", "also after a restart");
     save(&mut store, b"port better\n").unwrap();
     assert_eq!(read(&mut store).unwrap(), b"port better\n");
@@ -168,7 +168,7 @@ fn a_save_that_does_not_read_back_has_failed_and_the_old_settings_hold() {
 #[test]
 fn whatever_word_is_damaged_the_settings_are_whole_or_said_to_be_damaged_and_then_can_be_saved_over() {
     let flash = FineFlash::new(2, 7);
-    let mut store = block_on(FlashStore::open(flash.clone(), 0));
+    let mut store = block_on(FlashStore::open(flash.clone(), 0, Image::ONLY));
     save(&mut store, b"port P1 rtu\n").unwrap();
     save(&mut store, b"port P2 rtu\n").unwrap();
     let mut all = vec![0; flash.capacity()];
@@ -177,7 +177,7 @@ fn whatever_word_is_damaged_the_settings_are_whole_or_said_to_be_damaged_and_the
     for word in (0..flash.capacity()).step_by(4).filter(|&word| all[word..word + 4] != [0xff; 4]) {
         let flash = flash.copy(word as u64);
         block_on(flash.clone().write(word as u32, &[0; 4])).unwrap();
-        let mut store = block_on(FlashStore::open(flash.clone(), 0));
+        let mut store = block_on(FlashStore::open(flash.clone(), 0, Image::ONLY));
         if let Ok(text) = read(&mut store) {
             let whole = [&b"port P2 rtu\n"[..], b"port P1 rtu\n", b""];
             assert!(whole.contains(&&*text), "word {word:#x}: {}", text.escape_ascii());
@@ -186,7 +186,7 @@ fn whatever_word_is_damaged_the_settings_are_whole_or_said_to_be_damaged_and_the
         damaged += 1;
         assert_eq!(read(&mut store), Err(StoreError::Damaged), "word {word:#x}");
         save(&mut store, b"port P3 rtu\n").unwrap_or_else(|error| panic!("word {word:#x}: {error:?}"));
-        let mut store = block_on(FlashStore::open(flash, 0));
+        let mut store = block_on(FlashStore::open(flash, 0, Image::ONLY));
         assert_eq!(read(&mut store).unwrap(), b"port P3 rtu\n", "word {word:#x}");
     }
     assert!(damaged > 3, "{damaged}");
@@ -240,7 +240,7 @@ impl NorFlash for Strict {
 #[test]
 fn after_an_erase_that_failed_no_word_is_written_twice_and_the_next_save_succeeds() {
     let strict = Strict { flash: FineFlash::new(2, 8), failing: Rc::new(Cell::new(0)) };
-    let mut store = block_on(FlashStore::open(strict.clone(), 0));
+    let mut store = block_on(FlashStore::open(strict.clone(), 0, Image::ONLY));
     let mut failed = 0;
     for nth in 0..40 {
         strict.failing.set(1);
@@ -299,14 +299,14 @@ fn after_a_save_that_failed_the_settings_are_those_of_the_next_start() {
     let (mut failed, mut old) = (0, 0);
     for left in 0.. {
         let doubtful = Doubtful { flash: FineFlash::new(2, 9), left: Rc::default() };
-        let mut store = block_on(FlashStore::open(doubtful.clone(), 0));
+        let mut store = block_on(FlashStore::open(doubtful.clone(), 0, Image::ONLY));
         save(&mut store, b"port old\n").unwrap();
         doubtful.left.set(Some(left));
         if save(&mut store, b"port new\n").is_ok() {
             break;
         }
         let now = read(&mut store).unwrap();
-        let mut store = block_on(FlashStore::open(doubtful, 0));
+        let mut store = block_on(FlashStore::open(doubtful, 0, Image::ONLY));
         assert_eq!(read(&mut store).unwrap(), now, "write {left}");
         failed += 1;
         old += u32::from(now == b"port old\n");

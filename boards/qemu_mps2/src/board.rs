@@ -14,7 +14,7 @@ use mobgate::gateway::reconfigure;
 use mobgate::hal::{NetworkState, NoUpdate, System};
 use mobgate::language::Loader;
 use mobgate_board::last_words::WORDS_BYTES_MAX;
-use mobgate_flash::{FlashStore, SharedStore};
+use mobgate_flash::{FlashStore, Image, SharedStore};
 use mobgate_net::{Sockets, address};
 use static_cell::StaticCell;
 
@@ -42,7 +42,7 @@ pub(crate) type Store = SharedStore<'static, NoopRawMutex, FileFlash>;
 pub(crate) fn load(gateway: &Gateway<'_>) -> Store {
     static STORE: StaticCell<Mutex<NoopRawMutex, FlashStore<FileFlash>>> = StaticCell::new();
     let flash = FileFlash::open().expect("a file for the flash: see boards/qemu_mps2/emulate");
-    let store = block_on(FlashStore::open(flash, 0));
+    let store = block_on(FlashStore::open(flash, 0, Image::ONLY));
     let mut store = SharedStore::new(STORE.init(Mutex::new(store)));
     match block_on(reconfigure::load(gateway, &mut store)) {
         Ok(1..) => return store,

@@ -99,19 +99,22 @@ fn sboms(folder: &Path) -> Outcome {
             &["cyclonedx", "--quiet", "--format", "json", "--override-filename", "sbom"],
         );
         sbom.arg("--manifest-path").arg(package.join("Cargo.toml"));
-        run(sbom.env("SOURCE_DATE_EPOCH", commit_time()?))?;
+        run(sbom.envs(date()))?;
         let (from, to) = (package.join("sbom.json"), folder.join(format!("mobgate-{name}.cdx.json")));
         std::fs::rename(from, &to).map_err(|error| fault(&to, &error))?;
     }
     Ok(())
 }
 
-/// When the commit was made, in seconds since 1970: the date of all that is built from it.
-pub(crate) fn commit_time() -> Outcome<String> {
-    match std::env::var("SOURCE_DATE_EPOCH") {
-        Ok(seconds) => Ok(seconds),
-        Err(_) => Ok(output(&mut command("git", &["log", "-1", "--format=%ct"]))?.trim().into()),
+/// The variable with the date of all that is built from a commit: when that was made. What was set before holds, as it does where
+/// there is no git.
+pub(crate) fn date() -> Option<(&'static str, String)> {
+    const VARIABLE: &str = "SOURCE_DATE_EPOCH";
+    if std::env::var_os(VARIABLE).is_some() {
+        return None;
     }
+    let seconds = output(&mut command("git", &["log", "-1", "--format=%ct"])).ok()?;
+    Some((VARIABLE, seconds.trim().into()))
 }
 
 /// The files' checksums, as `sha256sum --check` reads them.

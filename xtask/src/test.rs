@@ -144,9 +144,7 @@ pub(crate) fn deb() -> Outcome<PathBuf> {
     let flags = flags.collect::<Vec<_>>().join("\x1f");
     let mut cargo =
         command("cargo", &["deb", "--quiet", "--locked", "--strip", "--package", "mobgate-linux"]);
-    let printed = output(
-        cargo.env("CARGO_ENCODED_RUSTFLAGS", flags).env("SOURCE_DATE_EPOCH", release::commit_time()?),
-    )?;
+    let printed = output(cargo.env("CARGO_ENCODED_RUSTFLAGS", flags).envs(release::date()))?;
     let package = root().join(printed.lines().last().unwrap_or_default());
     built(&package)?;
     Ok(package)

@@ -15,8 +15,9 @@ pub(crate) const ENDING: &str = "mgu";
 pub(crate) fn write(image: &Path) -> Outcome<Option<PathBuf>> {
     let (_, firmware) = board::flat(&[image])?;
     let Some(info) = Info::of_firmware(&firmware) else { return Ok(None) };
-    println!("{} {}, signed for {}", info.board(), info.version(), Key::for_images()?.public());
-    written(image.with_extension(ENDING), &file(&Key::for_images()?, &firmware)?).map(Some)
+    let key = Key::for_images()?;
+    println!("{} {}, signed for {}", info.board(), info.version(), key.public());
+    written(image.with_extension(ENDING), &file(&key, &firmware)?).map(Some)
 }
 
 fn file(key: &Key, firmware: &[u8]) -> Outcome<Vec<u8>> {

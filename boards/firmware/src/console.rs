@@ -22,7 +22,7 @@ pub trait Terminal: Read + Write {
 
 /// Without a boot loader.
 fn by_probe() -> NoUpdate {
-    NoUpdate("this board has no boot loader, and is flashed")
+    NoUpdate("this board does not take updates yet: flash it")
 }
 
 /// Applies the settings in `flash`, whose two sectors begin at `settings`, or deletes them if `forget`, and serves the console.

@@ -56,8 +56,8 @@ async fn serve(
         loop {
             terminal.opened().await;
             // `exit` starts a new session, and so does a terminal that was unplugged.
-            let _ =
-                console::run(gateway(), &mut *terminal, &mut store, &mut by_probe(), &*board, Mode::Echo).await;
+            let _ = console::run(gateway(), &mut *terminal, &mut store, &mut by_probe(), &*board, Mode::Echo)
+                .await;
             store = SharedStore::new(&flash);
         }
     });

@@ -66,14 +66,14 @@ pub(crate) fn bytes(image: &Path, code: Range<u64>) -> Outcome<Vec<(&'static str
     fs::create_dir_all(root().join("target/tmp")).map_err(|error| error.to_string())?;
     fs::write(&list, addresses).map_err(|error| format!("{}: {error}", list.display()))?;
     let list = File::open(&list).map_err(|error| format!("{}: {error}", list.display()))?;
-    // For each address a line with it, and one with the source of each function that it is in.
+    // For each address a line with it, and one with the source of each function that it is in, its path from the checkout or registry.
     let sources = output(command("addr2line", &["--inlines", "--addresses", "-e"]).arg(image).stdin(list))?;
     let mut bytes = PARTS.map(|(part, _)| (part, 0));
     let mut is_counted = true;
     for source in sources.lines() {
         if source.starts_with("0x") {
             is_counted = false;
-        } else if let Some(part) = of(source).filter(|_| !is_counted) {
+        } else if let Some(part) = of(&format!("/{source}")).filter(|_| !is_counted) {
             bytes[part].1 += STEP as u64;
             is_counted = true;
         }

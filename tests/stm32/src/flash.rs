@@ -204,8 +204,8 @@ impl Flash {
         // As the data sheets say it is usual.
         let milliseconds = match sector.len() >> 10 {
             ..=32 => 250,
-            ..=64 => 550,
-            ..=128 => 1_000,
+            33..=64 => 550,
+            65..=128 => 1_000,
             _ => 2_000,
         };
         self.cells.erase(sector, self.is_h7());

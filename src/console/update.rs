@@ -55,8 +55,7 @@ where
     update.discard();
     let received = received?;
     if received.is_err() {
-        stream.write_all(CANCEL).await?;
-        stream.flush().await?;
+        send(stream, CANCEL).await?;
     }
     let mut chunk = [0; CHUNK_BYTES_MAX];
     for _ in 0..DROPPED_MAX {

@@ -1,5 +1,7 @@
 //! The PDOs that a SyncManager carries.
 
+use core::ops::Range;
+
 use crate::device::Device;
 use crate::object::{PDOS_ASSIGNED_MAX, PDOS_SELECTED_MAX};
 use crate::sync_manager::Channel;
@@ -30,12 +32,18 @@ impl Pdos {
         Self::Listed { count, pdos }
     }
 
-    /// The PDO at an index.
+    /// The places in the list, or bits, that may have one.
+    fn places(&self) -> Range<u16> {
+        match self {
+            Self::Listed { count, .. } => 0..u16::from(*count),
+            Self::Modules { present, .. } => 0..(u64::BITS - present.leading_zeros()) as u16,
+        }
+    }
+
+    /// The PDO at one of the [`places`](Self::places). By reference: this runs several times a cycle.
     fn at(&self, place: u16) -> Option<u16> {
-        match *self {
-            Self::Listed { count, pdos } => {
-                pdos.get(usize::from(place)).copied().filter(|_| place < count.into())
-            }
+        match self {
+            Self::Listed { pdos, .. } => pdos.get(usize::from(place)).copied(),
             Self::Modules { first, present, .. } => {
                 (present.unbounded_shr(place.into()) & 1 == 1).then(|| first.wrapping_add(place))
             }
@@ -64,7 +72,7 @@ impl Assignment {
     /// The indices of the assigned PDOs.
     pub fn indices(&self) -> impl Iterator<Item = u16> + use<> {
         let pdos = self.pdos;
-        (0..PDOS_ASSIGNED_MAX as u16).filter_map(move |place| pdos.at(place))
+        pdos.places().filter_map(move |place| pdos.at(place))
     }
 
     /// The value at a sub-index.

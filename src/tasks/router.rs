@@ -21,27 +21,27 @@ impl Gateway<'_> {
     pub async fn route(&self) {
         loop {
             let frame = self.inbox.receive(self.pool()).await;
-            let envelope = frame.envelope();
-            match envelope.stage {
-                Stage::Request => self.forward(frame, &envelope),
-                Stage::Responding => self.deliver(frame, envelope.origin, self.is_gone(envelope.origin)),
+            let (stage, origin) = frame.read(|envelope| (envelope.stage, envelope.origin));
+            match stage {
+                Stage::Request => self.forward(frame, origin),
+                Stage::Responding => self.deliver(frame, origin, self.is_gone(origin)),
                 Stage::Response | Stage::Silence => {
-                    let outcome = self.note(&frame, &envelope);
-                    self.deliver(frame, envelope.origin, outcome == Outcome::RequesterGone);
+                    let outcome = self.note(&frame);
+                    self.deliver(frame, origin, outcome == Outcome::RequesterGone);
                 }
             }
         }
     }
 
     /// Forwards a request by the routing table.
-    fn forward(&self, frame: Frame<'_>, envelope: &Envelope) {
-        if envelope.origin.reply_to == ReplyTo::Console {
+    fn forward(&self, frame: Frame<'_>, origin: Origin) {
+        if origin.reply_to == ReplyTo::Console {
             return self.forward_asked(frame);
         }
-        let port = envelope.origin.port;
+        let port = origin.port;
+        let (unit, peer) = frame.read(|envelope| (envelope.unit, envelope.peer));
         let decision = frame.pdu(|request| {
-            let decide =
-                |settings: &_| routing::decide(settings, port, envelope.unit, envelope.peer, request);
+            let decide = |settings: &_| routing::decide(settings, port, unit, peer, request);
             Some(self.settings(decide))
         });
         let decision = decision.unwrap_or(Decision::Refuse(Exception::ILLEGAL_VALUE));
@@ -81,7 +81,7 @@ impl Gateway<'_> {
             }
             Decision::NoRule => {
                 count(Event::NoPath);
-                match envelope.origin.reply_to {
+                match origin.reply_to {
                     ReplyTo::Connection(_) | ReplyTo::Port | ReplyTo::Console => {
                         frame.blame(Cause::Unsent);
                         self.refuse(frame, Exception::GATEWAY_NO_PATH);
@@ -150,14 +150,15 @@ impl Gateway<'_> {
     }
 
     /// Logs a finished transaction, and returns its outcome.
-    pub(crate) fn note(&self, frame: &Frame<'_>, envelope: &Envelope) -> Outcome {
+    pub(crate) fn note(&self, frame: &Frame<'_>) -> Outcome {
         let (function, exception) = frame.pdu(|pdu| match *pdu {
             [function, code] if function & EXCEPTION_BIT != 0 => (function, Some(Exception(code))),
             [function, ..] => (function, None),
             [] => (0, None),
         });
-        let outcome = match (exception, envelope.stage) {
-            _ if self.is_gone(envelope.origin) => Outcome::RequesterGone,
+        let (stage, origin) = frame.read(|envelope| (envelope.stage, envelope.origin));
+        let outcome = match (exception, stage) {
+            _ if self.is_gone(origin) => Outcome::RequesterGone,
             (_, Stage::Silence) => Outcome::Silence,
             // The response broke off while it was being forwarded.
             _ if frame.filled().1 != Fill::Complete => Outcome::Silence,
@@ -165,17 +166,18 @@ impl Gateway<'_> {
             _ => Outcome::Response,
         };
         let now = Instant::now();
-        let took = now.saturating_duration_since(envelope.received);
-        self.log().push(LogEntry {
+        let entry = frame.read(|envelope| LogEntry {
             at: now,
-            source: envelope.origin.port,
+            source: origin.port,
             destination: envelope.destination,
             unit: envelope.unit,
             target: envelope.target,
             function: function & !EXCEPTION_BIT,
             outcome,
-            took_us: u32::try_from(took.as_micros()).unwrap_or(u32::MAX),
+            took_us: u32::try_from(now.saturating_duration_since(envelope.received).as_micros())
+                .unwrap_or(u32::MAX),
         });
+        self.log().push(entry);
         outcome
     }
 
@@ -211,7 +213,7 @@ impl Gateway<'_> {
 
     /// Sends a console's request to the port that it specified.
     pub(crate) fn forward_asked(&self, frame: Frame<'_>) {
-        let port = frame.envelope().destination;
+        let port = frame.read(|envelope| envelope.destination);
         match port.and_then(|port| self.ports().get(port.index())) {
             Some(port_state) => port_state.queue.send(frame),
             None => self.refuse(frame, Exception::GATEWAY_NO_PATH),

@@ -32,6 +32,8 @@ pub struct Clock<C> {
 struct State {
     queue: RefCell<Queue>,
     rounds: Cell<Rounds>,
+    /// When the alarm fires.
+    alarm: Cell<u64>,
 }
 
 impl State {
@@ -47,8 +49,11 @@ impl State {
 impl<C: Counter> Clock<C> {
     /// A stopped clock.
     pub const fn new(counter: C) -> Self {
-        let state =
-            State { queue: RefCell::new(Queue::new()), rounds: Cell::new(Rounds { last: 0, rounds: 0 }) };
+        let state = State {
+            queue: RefCell::new(Queue::new()),
+            rounds: Cell::new(Rounds { last: 0, rounds: 0 }),
+            alarm: Cell::new(0),
+        };
         Self { counter, state: CriticalSectionMutex::new(state) }
     }
 
@@ -59,19 +64,17 @@ impl<C: Counter> Clock<C> {
 
     /// Wakes all tasks that are due; called by the counter's interrupt.
     pub fn on_alarm(&self) {
-        self.with(|_| true);
+        self.state.lock(|state| {
+            let next = state.queue.borrow_mut().next_expiration(state.now(self.counter.count()));
+            self.set_alarm(state, next);
+        });
     }
 
-    /// Sets the alarm to the time at which the next task is due, if `change` returns that it may be another one.
-    fn with(&self, change: impl FnOnce(&mut Queue) -> bool) {
-        self.state.lock(|state| {
-            let queue = &mut *state.queue.borrow_mut();
-            if change(queue) {
-                let now = state.now(self.counter.count());
-                let next = queue.next_expiration(now);
-                self.counter.set_alarm(next.saturating_sub(now).clamp(1, SLEEP_MAX_TICKS) as u32);
-            }
-        });
+    fn set_alarm(&self, state: &State, at: u64) {
+        let now = state.now(self.counter.count());
+        let ticks = at.saturating_sub(now).clamp(1, SLEEP_MAX_TICKS);
+        state.alarm.set(now + ticks);
+        self.counter.set_alarm(ticks as u32);
     }
 }
 
@@ -81,7 +84,12 @@ impl<C: Counter + Send + Sync + 'static> Driver for Clock<C> {
     }
 
     fn schedule_wake(&self, at: u64, waker: &Waker) {
-        self.with(|queue| queue.schedule_wake(at, waker));
+        self.state.lock(|state| {
+            // The queue is walked through only when the alarm fires: here nothing else can have become due earlier.
+            if state.queue.borrow_mut().schedule_wake(at, waker) && at < state.alarm.get() {
+                self.set_alarm(state, at);
+            }
+        });
     }
 }
 

@@ -29,9 +29,12 @@ impl<const N: usize> Liveness<N> {
     /// The caller pins the future: moving it in would take its memory twice.
     pub async fn watch<F: Future>(&self, task: usize, mut future: Pin<&mut F>) -> F::Output {
         let watched = self.0.get(task);
+        let mut is_registered = false;
         poll_fn(|context| {
-            if let Some(watched) = watched {
+            // A task has one waker for all its life.
+            if let Some(watched) = watched.filter(|_| !is_registered) {
                 watched.waker.register(context.waker());
+                is_registered = true;
             }
             let output = future.as_mut().poll(context);
             if let Some(watched) = watched {

@@ -27,7 +27,7 @@ use embassy_sync::signal::Signal;
 use embassy_time::Instant;
 use heapless::Vec;
 
-use crate::frame::{Cause, Envelope, Frame, ReplyTo, Stage, Transaction};
+use crate::frame::{Cause, Frame, ReplyTo, Stage, Transaction};
 use crate::gateway::outstanding::Purpose;
 use crate::gateway::unit_health::{Care, Gate};
 use crate::gateway::{Gateway, PortAt};
@@ -176,17 +176,17 @@ impl<'g> Dispatcher<'g> {
     }
 
     fn admit(&self, frame: Frame<'g>) {
-        let mut envelope = frame.envelope();
         if let Some(target) = self.unit {
-            envelope.target = target;
-            frame.address(envelope);
+            frame.amend(|envelope| envelope.target = target);
         }
-        let is_others = self.alone && envelope.origin.reply_to != ReplyTo::Console;
-        if is_others || !self.servers().takes(envelope.target, envelope.paced) {
+        let (target, paced, reply_to) =
+            frame.read(|envelope| (envelope.target, envelope.paced, envelope.origin.reply_to));
+        let is_others = self.alone && reply_to != ReplyTo::Console;
+        if is_others || !self.servers().takes(target, paced) {
             return self.fail(frame, Event::NoPath, Exception::GATEWAY_NO_PATH);
         }
-        let Some(frame) = self.respond_from_cache(frame, &envelope) else { return };
-        if !envelope.paced && self.gate(envelope.target) == Gate::Down {
+        let Some(frame) = self.respond_from_cache(frame) else { return };
+        if !paced && self.gate(target) == Gate::Down {
             return self.fail(frame, Event::UnitDown, Exception::GATEWAY_NO_RESPONSE);
         }
         let elapsed = || milliseconds(Instant::now()).wrapping_sub(self.swept.get());
@@ -194,19 +194,19 @@ impl<'g> Dispatcher<'g> {
             // Makes room if some have expired or been abandoned.
             self.sweep();
         }
-        self.enqueue(frame, &envelope, PortQueue::push);
+        self.enqueue(frame, PortQueue::push);
         self.count_waiting();
-        self.notify(envelope.target);
+        self.notify(target);
     }
 
     /// Queues a request; one that is evicted for it, or cannot be queued, is refused.
     fn enqueue(
         &self,
         frame: Frame<'g>,
-        envelope: &Envelope,
         put: fn(&mut PortQueue<Frame<'g>>, Frame<'g>, Entry) -> Option<Frame<'g>>,
     ) {
-        let entry = entry(envelope, frame.pdu(pdu::is_read));
+        let is_read = frame.pdu(pdu::is_read);
+        let entry = frame.read(|envelope| entry(envelope, is_read));
         let refused = put(&mut self.queue(), frame, entry);
         if let Some(refused) = refused {
             self.fail(refused, Event::QueueFull, Exception::BUSY);
@@ -259,7 +259,7 @@ impl<'g> Dispatcher<'g> {
             // Fits: all reads have the same length.
             let _ = leader.replace(&combined.block.request());
             // Cut-through is off: the response covers more than the leader asked for.
-            leader.address(Envelope { cut: false, ..leader.envelope() });
+            leader.amend(|envelope| envelope.cut = false);
         }
         let serves = |frame: &Frame<'g>| Some(combined?.serves(&CombinedRead::of(frame)?));
         let joins = |frame: &Frame<'g>| {
@@ -276,7 +276,7 @@ impl<'g> Dispatcher<'g> {
                 block_for_all = combined.map(|combined| combined.block);
             }
             if asked.zip(theirs).and_then(|(own, theirs)| own.hull(&theirs)) != asked {
-                queue.charge(requester(&merged.envelope()));
+                queue.charge(merged.read(requester));
             }
             leader.merge(merged);
         }
@@ -300,8 +300,8 @@ impl<'g> Dispatcher<'g> {
     }
 
     /// Answers a read from the cache if its rule allows it and the cached response is fresh; otherwise returns it.
-    fn respond_from_cache(&self, frame: Frame<'g>, envelope: &Envelope) -> Option<Frame<'g>> {
-        let Envelope { target, sharing, .. } = *envelope;
+    fn respond_from_cache(&self, frame: Frame<'g>) -> Option<Frame<'g>> {
+        let (target, sharing) = frame.read(|envelope| (envelope.target, envelope.sharing));
         if sharing.cache_ms == 0 {
             return Some(frame);
         }

@@ -1,6 +1,6 @@
 //! Combines reads of neighbouring addresses into one. Pure.
 
-use crate::frame::{Envelope, Frame};
+use crate::frame::Frame;
 use crate::modbus::pdu::Block;
 use crate::port::client::dispatcher::entry::block;
 use crate::settings::{AddressRange, Merge};
@@ -21,7 +21,7 @@ impl CombinedRead {
     /// The read in `frame`, if its rule allows combining.
     pub(super) fn of(frame: &Frame<'_>) -> Option<Self> {
         let Merge::Near(gap_allowed) = frame.sharing().merge else { return None };
-        let Envelope { addresses, .. } = frame.envelope();
+        let addresses = frame.read(|envelope| envelope.addresses);
         Some(Self { block: block(frame)?, gap_allowed: gap_allowed.into(), gap: 0, addresses })
     }
 

@@ -22,7 +22,7 @@ impl<'g> Dispatcher<'g> {
                     Some(Event::RequesterGone)
                 } else if entry.deadline <= now {
                     Some(Event::Expired)
-                } else if gate(entry.unit) == Gate::Down && !frame.envelope().paced {
+                } else if gate(entry.unit) == Gate::Down && !frame.read(|envelope| envelope.paced) {
                     Some(Event::UnitDown)
                 } else {
                     None
@@ -119,8 +119,7 @@ impl<'g> Dispatcher<'g> {
     /// Requeues `frame`. One that is still arriving is abandoned: it is queued again once it is complete.
     pub(super) fn postpone(&self, frame: Frame<'g>) {
         if !frame.abandon() {
-            let envelope = frame.envelope();
-            self.enqueue(frame, &envelope, PortQueue::push_front);
+            self.enqueue(frame, PortQueue::push_front);
         }
     }
 

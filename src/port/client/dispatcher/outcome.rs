@@ -3,7 +3,7 @@
 use embassy_time::Instant;
 
 use super::{Dispatcher, is_responding};
-use crate::frame::{Envelope, Frame, Stage, Transaction};
+use crate::frame::{Frame, Stage, Transaction};
 use crate::modbus::pdu::{self, Block, EXCEPTION_BIT};
 use crate::modbus::{Exception, PDU_BYTES_MAX};
 use crate::port::client::cache::CacheKey;
@@ -44,7 +44,7 @@ impl<'g> Dispatcher<'g> {
     /// Returns `frame` with its response to the router, unless the requester has received it already.
     pub(super) fn deliver(&self, frame: Frame<'g>) {
         if is_responding(&frame) {
-            self.gateway.note(&frame, &frame.envelope());
+            self.gateway.note(&frame);
         } else {
             self.gateway.answered(frame);
         }
@@ -110,7 +110,7 @@ impl<'g> Dispatcher<'g> {
         let Some((frame, transaction)) = self.end_transaction(request) else { return };
         transaction.split(&frame);
         let mut repeated = self.retry(frame, retries);
-        let Envelope { cause, .. } = request.envelope();
+        let cause = request.read(|envelope| envelope.cause);
         while let Some(merged) = request.take_merged() {
             merged.blame(cause);
             repeated |= self.retry(merged, retries);
@@ -139,22 +139,20 @@ impl<'g> Dispatcher<'g> {
 
     /// Requeues a request that got no response, or answers it 0Bh; returns whether it was requeued.
     pub(super) fn retry(&self, frame: Frame<'g>, retries: u8) -> bool {
-        let mut envelope = frame.envelope();
-        let is_last = envelope.paced || envelope.repeats >= retries;
+        let is_last = frame.read(|envelope| envelope.paced || envelope.repeats >= retries);
         if is_last || is_responding(&frame) || !frame.pdu(pdu::is_read) {
             self.give_up(frame);
             return false;
         }
-        envelope.repeats += 1;
-        frame.address(envelope);
-        self.enqueue(frame, &envelope, PortQueue::push);
+        frame.amend(|envelope| envelope.repeats += 1);
+        self.enqueue(frame, PortQueue::push);
         true
     }
 
     /// Answers a request 0Bh, unless its response is already being forwarded: nothing can follow that.
     pub(super) fn give_up(&self, frame: Frame<'g>) {
         if is_responding(&frame) {
-            self.gateway.note(&frame, &frame.envelope());
+            self.gateway.note(&frame);
         } else {
             self.gateway.refuse(frame, Exception::GATEWAY_NO_RESPONSE);
         }

@@ -38,7 +38,7 @@ impl<'g> Dispatcher<'g> {
     /// Handles that the proof got no response: `request` fails, unless the unit has sent something else meanwhile.
     pub(crate) fn not_proved(&self, request: &Frame<'g>, unit: u8, down_after: u8, retries: u8) {
         // A requester with its own back-off is not blocked by the gateway's.
-        let down_after = if request.envelope().paced { 0 } else { down_after };
+        let down_after = if request.read(|envelope| envelope.paced) { 0 } else { down_after };
         if self.port_state.units(|units| units.not_proved(unit, Instant::now(), down_after)) {
             self.failed(request, retries);
         } else {

@@ -29,7 +29,7 @@ pub(super) enum Response<'g> {
 impl Response<'_> {
     pub(super) fn worth(&self) -> Worth {
         let Self::Response(frame) = self else { return Worth::Refused };
-        match frame.envelope().cause {
+        match frame.read(|envelope| envelope.cause) {
             Cause::Unsent if frame.pdu(|pdu| pdu.get(1) == Some(&Exception::BUSY.0)) => Worth::Crowded,
             Cause::Unsent => Worth::Refused,
             _ if frame.stage() == Stage::Silence => Worth::Refused,

@@ -21,11 +21,22 @@ use mobgate::fieldbus::serve;
 use mobgate_firmware::gateway::{LIVENESS, Task};
 use mobgate_firmware::states::{ETHERCAT, SCANNER};
 
+use crate::spi::Bus;
+
 /// Fastest clock at which the LAN9252 needs no pauses within reads. The resulting clocks: 25 MHz on the H7, 27 on the F7, 21 on the
 /// F4.
 const SPI_HZ: Hertz = Hertz(30_000_000);
 /// The slowest of these.
 const SPI_CLOCK_HZ_MIN: u32 = 21_000_000;
+/// The processor's share of a chip select. Eight of them and the 25 us of a cycle are the time of a cycle's instructions, at one a
+/// clock, and a quarter for the flash's wait states: counted in the emulator by `cargo xtask test stm32`, not measured on a board.
+const SELECT_NS: u32 = if cfg!(feature = "h7") {
+    6_000
+} else if cfg!(feature = "f7") {
+    12_000
+} else {
+    17_000
+};
 
 /// The wires to the controller.
 pub(crate) struct Wires {
@@ -78,9 +89,8 @@ async fn run(wires: Wires) {
 }
 
 async fn serve_controller(Wires { spi, select, mut interrupt }: Wires) {
-    let bus = Mutex::<NoopRawMutex, _>::new(spi);
-    // Mostly DMA setup and completion: an estimate of 840 cycles at 168 MHz, not measured on a board.
-    let wiring = Wiring { spi_hz: SPI_CLOCK_HZ_MIN, select_ns: 5_000, ..Wiring::default() };
+    let bus = Mutex::<NoopRawMutex, _>::new(Bus(spi));
+    let wiring = Wiring { spi_hz: SPI_CLOCK_HZ_MIN, select_ns: SELECT_NS, ..Wiring::default() };
     let controller = Lan9252::new(SpiDevice::new(&bus, select), wiring);
     serve(&ETHERCAT, Some(&SCANNER), NoFiles, controller, async || interrupt.wait_for_high().await).await
 }

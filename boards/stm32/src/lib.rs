@@ -4,7 +4,7 @@
 //! * [`nucleo144`]: pins and DMA channels of these boards, and their tasks; `interrupts`: their interrupts; `lights`: theirs.
 //! * `line`: an RS-485 line on a UART; `shift`: its interrupt.
 //! * `flash`: the chip's flash for the settings.
-//! * `ethernet`: the MAC and its PHY; `ethercat`: the controller on SPI1.
+//! * `ethernet`: the MAC and its PHY; `ethercat`: the controller on SPI1; `spi`: its transfers.
 //! * `clock`: the embassy-time driver; `registers`: what differs between the families; `faults`: panics and faults.
 //!
 //! Caches: the instruction cache is on, the Cortex-M7's data cache is always off, so the program sees what DMA and Ethernet write,
@@ -24,5 +24,8 @@ mod line;
 pub mod nucleo144;
 mod registers;
 mod shift;
+// Only the controller is on it.
+#[cfg(feature = "ethercat")]
+mod spi;
 
 use defmt_rtt as _;

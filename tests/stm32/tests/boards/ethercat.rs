@@ -2,15 +2,28 @@
 
 use std::time::Duration;
 
-use mobgate_stm32_emulator::{Board, Controller, Machine};
+use mobgate_stm32_emulator::{Board, Controller, Family, Machine};
 
 use crate::clients::respond;
+use crate::figure::{Target, figure};
 use crate::{on_each_board, set_up, wait_for_prompt};
 
 on_each_board!(
     a_main_device_brings_the_board_to_op_and_sees_a_device,
     a_controller_that_was_reset_comes_to_op_again,
+    a_cycle_takes_the_processor_no_longer_than_is_promised,
 );
+
+/// Process data cycles that are counted, and how far they are apart.
+const CYCLES: u32 = 100;
+const CYCLE: Duration = Duration::from_millis(1);
+/// Bytes of a cycle with 120 of outputs and of inputs that DMA does not transfer, and its chip selects.
+const DIRECT_BYTES: f64 = 76.0;
+const SELECTS: f64 = 8.0;
+/// What 1C32h:05 promises of a cycle besides bus and chip selects.
+const FIXED_US: f64 = 25.0;
+/// What is promised over instructions at one a clock: the flash has wait states.
+const MARGIN: f64 = 1.25;
 
 /// A board that has found the controller, with a device on its first line of which an input register is read.
 fn with_controller(board: Board) -> (Machine, Controller) {
@@ -65,4 +78,35 @@ fn a_controller_that_was_reset_comes_to_op_again(board: Board) {
     let _ = controller.bring_to_op(&mut machine);
     controller.bring_to_op(&mut machine).unwrap();
     shows_op(&mut machine);
+}
+
+fn a_cycle_takes_the_processor_no_longer_than_is_promised(board: Board) {
+    let (mut machine, mut controller) = with_controller(board);
+    controller.bring_to_op(&mut machine).unwrap();
+    let mut measure = |exchanges: bool| {
+        let (before, end) = (machine.instructions(), machine.now() + CYCLE * CYCLES);
+        for nth in 1..=CYCLES {
+            if exchanges {
+                // Outputs that differ from the last ones, and belong to no device.
+                controller.exchange(&mut machine, vec![0, 0, nth as u8]).unwrap();
+            }
+            let rest = end - CYCLE * (CYCLES - nth) - machine.now();
+            controller.run(&mut machine, rest).unwrap();
+        }
+        (machine.instructions() - before) / u64::from(CYCLES)
+    };
+    // What runs anyway does not count.
+    let idle = measure(false);
+    let instructions = (measure(true) - idle) as f64;
+    let (megahertz, spi_megahertz, select_us) = match board.family {
+        Family::F4 => (168.0, 21.0, 17.0),
+        Family::F7 => (216.0, 27.0, 12.0),
+        Family::H7 => (400.0, 25.0, 6.0),
+    };
+    // The processor waits for these bytes.
+    let micros = instructions / megahertz - DIRECT_BYTES * 8.0 / spi_megahertz;
+    let name = board.name.trim_start_matches("nucleo_");
+    figure(&format!("{name}_ethercat_cycle_instructions"), instructions, "instructions", Target::None);
+    let promised = (SELECTS * select_us + FIXED_US) / MARGIN;
+    figure(&format!("{name}_ethercat_cycle_processor_us"), micros, "us", Target::AtMost(promised));
 }

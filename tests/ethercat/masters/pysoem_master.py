@@ -16,6 +16,9 @@ class MainDevice(Soem):
     def register(self, address, size):
         return self.device._fprd(address, size, PATIENCE)
 
+    def eeprom(self, address):
+        return int.from_bytes(self.device.eeprom_read(address), "little")
+
     def reach(self, state):
         self.device.state = state
         self.device.write_state()

@@ -1,12 +1,20 @@
 """What the routine's MainDevices with SOEM have in common: pysoem and soemx call it by the same names."""
 
+import struct
+
 # So long, in us, may the machine do other things.
 PATIENCE = 5_000_000
 # Starts that may be lost in a row.
 STARTS_MAX = 3
-# The length registers of the SyncManagers of the process data, and the objects that assign PDOs to these.
-SYNC_MANAGER_LENGTHS = (0x0812, 0x081A)
+# The registers of the four SyncManagers: start, length, control, status, activation, PDI control.
+SYNC_MANAGERS = 0x0800
+SYNC_MANAGER = struct.Struct("<HHBBBB")
+MAILBOXES, PROCESS_DATA = (0, 1), (2, 3)
+# The objects that assign PDOs to SyncManagers 2 and 3.
 ASSIGNMENTS = (0x1C12, 0x1C13)
+# EEPROM: where categories begin, and the one that describes the SyncManagers.
+CATEGORIES = 0x0040
+SYNC_MANAGER_CATEGORY = 41
 
 
 class Soem:
@@ -19,26 +27,27 @@ class Soem:
         self.master.open(interface)
 
     def to_pre_op(self):
-        # A frame that comes late on a busy machine is lost to SOEM, and so is the state that it asks for: it asks anew, unless the
-        # device has refused something.
+        # A frame that comes late on a busy machine is lost to SOEM, and so is what it reads from the EEPROM or the state that it asks
+        # for: it asks anew, unless the device has refused what is right.
         for _ in range(STARTS_MAX):
             assert self.master.config_init() == 1, "one device"
             self.device = self.master.slaves[0]
             if self.device.state_check(self.soem.PREOP_STATE, PATIENCE) == self.soem.PREOP_STATE:
                 break
-            assert self.device.al_status == 0, hex(self.device.al_status)
+            code = self.device.al_status
+            assert code == 0 or not self.are_right(self.sync_managers(), MAILBOXES), hex(code)
         self.wait_for(self.soem.PREOP_STATE)
         self.slow_watchdog()
 
     def to_op(self):
-        # The same for frames that set up a SyncManager, which is then refused: its length is another one.
+        # The same for what it learns of the process data.
         for _ in range(STARTS_MAX):
             self.master.config_map()
             if self.device.state_check(self.soem.SAFEOP_STATE, PATIENCE) == self.soem.SAFEOP_STATE:
                 break
-            code, lengths = self.device.al_status, self.lengths_set_up()
+            code, found = self.device.al_status, self.sync_managers()
             self.to_pre_op()
-            assert lengths != self.assigned_bytes(), hex(code)
+            assert not self.are_right(found, PROCESS_DATA), hex(code)
         self.wait_for(self.soem.SAFEOP_STATE)
         self.exchange()
         self.reach(self.soem.OP_STATE)
@@ -46,8 +55,25 @@ class Soem:
     def to_init(self):
         self.reach(self.soem.INIT_STATE)
 
-    def lengths_set_up(self):
-        return [int.from_bytes(self.register(manager, 2), "little") for manager in SYNC_MANAGER_LENGTHS]
+    def sync_managers(self):
+        return list(SYNC_MANAGER.iter_unpack(self.register(SYNC_MANAGERS, 4 * SYNC_MANAGER.size)))
+
+    def are_right(self, found, which):
+        """Whether these SyncManagers were set up as the device says: by its EEPROM, and process data as long as what is assigned."""
+        described = self.described()
+        lengths = self.assigned_bytes() if which == PROCESS_DATA else [described[manager][1] for manager in which]
+        expected = [(described[manager][0], length, described[manager][2], 1) for manager, length in zip(which, lengths)]
+        return [(*found[manager][:3], found[manager][4] & 1) for manager in which] == expected
+
+    def described(self):
+        at = CATEGORIES
+        while self.word(at) != SYNC_MANAGER_CATEGORY:
+            at += 2 + self.word(at + 1)
+        words = (self.word(at + 2 + nth) for nth in range(self.word(at + 1)))
+        return list(SYNC_MANAGER.iter_unpack(b"".join(word.to_bytes(2, "little") for word in words)))
+
+    def word(self, address):
+        return self.eeprom(address) & 0xFFFF
 
     def assigned_bytes(self):
         """Bytes of the PDOs that are assigned to each SyncManager, as the device says."""

@@ -17,6 +17,9 @@ class MainDevice(Soem):
     def register(self, address, size):
         return self.master.read_register(self.device.index, address, size, PATIENCE)
 
+    def eeprom(self, address):
+        return self.master.read_eeprom(self.device.index, address, PATIENCE)
+
     def reach(self, state):
         self.master.state = state
         self.master.write_state()

@@ -6,9 +6,11 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
+mod origin;
 mod partition;
 mod updater;
 mod writer;
 
+pub use origin::{REASON_BYTES_MAX, Reason};
 pub use partition::Partition;
 pub use updater::{Trust, Updater};

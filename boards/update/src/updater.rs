@@ -17,7 +17,7 @@ use crate::partition::Partition;
 use crate::writer::Writer;
 
 /// Longest word of a flash.
-const WORD_BYTES_MAX: usize = 256;
+const WORD_BYTES_MAX: usize = 64;
 
 /// Whose images a board takes.
 #[derive(Debug, Clone, Copy)]
@@ -28,14 +28,20 @@ pub struct Trust {
     pub key: Option<[u8; PUBLIC_KEY_BYTES]>,
 }
 
+/// A file that is being received.
+struct File {
+    receiver: Receiver,
+    writer: Writer,
+}
+
 /// New firmware for the partitions `layout` of `flash`, which others share: images are erased in pages of `PAGE` bytes, the state in pages of
 /// `STATE_PAGE`.
 pub struct Updater<'a, M: RawMutex, F, const PAGE: usize, const STATE_PAGE: usize> {
-    flash: &'a Mutex<M, F>,
-    layout: Layout,
+    pub(crate) flash: &'a Mutex<M, F>,
+    pub(crate) layout: Layout,
     trust: Trust,
     /// The file that is being received.
-    file: Option<(Receiver, Writer)>,
+    file: Option<File>,
     /// The image that the next restart starts.
     next: Option<Version>,
 }
@@ -71,7 +77,7 @@ impl<'a, M: RawMutex, F: NorFlash, const PAGE: usize, const STATE_PAGE: usize>
         self.with_state(async |state| state.mark_booted().await).await
     }
 
-    async fn state(&mut self) -> Result<State, UpdateError> {
+    pub(crate) async fn state(&mut self) -> Result<State, UpdateError> {
         self.with_state(async |state| state.get_state().await).await
     }
 
@@ -126,14 +132,15 @@ impl<M: RawMutex, F: NorFlash, const PAGE: usize, const STATE_PAGE: usize> Updat
         } else if self.state().await? == State::Swap {
             return Err(UpdateError::OnTrial);
         }
-        self.file = Some((Receiver::new(self.trust.running, most, allow_older), Writer::new()));
+        let receiver = Receiver::new(self.trust.running, most, allow_older);
+        self.file = Some(File { receiver, writer: Writer::new() });
         Ok(())
     }
 
     async fn write(&mut self, mut bytes: &[u8]) -> Result<(), UpdateError> {
-        // Taken: after an error, or when this future is dropped, nothing is left.
-        let (mut receiver, mut writer) = self.file.take().ok_or(UpdateError::Truncated)?;
         let mut partition = self.partition();
+        let pending = Pending(&mut self.file);
+        let File { receiver, writer } = pending.0.as_mut().ok_or(UpdateError::Truncated)?;
         loop {
             let room = match receiver.progress() {
                 (received, Some(all)) => (all - received) as usize,
@@ -148,14 +155,17 @@ impl<M: RawMutex, F: NorFlash, const PAGE: usize, const STATE_PAGE: usize> Updat
             writer.write(&mut partition, firmware).await?;
             bytes = later;
         }
-        self.file = Some((receiver, writer));
+        pending.keep();
         Ok(())
     }
 
     async fn finish(&mut self) -> Result<Version, UpdateError> {
-        let (receiver, writer) = self.file.take().ok_or(UpdateError::Truncated)?;
+        let mut partition = self.partition();
+        let pending = Pending(&mut self.file);
+        let File { receiver, writer } = pending.0.as_mut().ok_or(UpdateError::Truncated)?;
         let (header, info) = receiver.finish().map_err(error)?;
-        let hash = writer.finish(&mut self.partition()).await?;
+        let hash = writer.finish(&mut partition).await?;
+        drop(pending);
         if !self.is_signed(&hash, &header) {
             return Err(UpdateError::Signature);
         }
@@ -167,6 +177,22 @@ impl<M: RawMutex, F: NorFlash, const PAGE: usize, const STATE_PAGE: usize> Updat
 
     fn discard(&mut self) {
         self.file = None;
+    }
+}
+
+/// The file while it is worked on. Dropped, it is discarded: after an error, or with the future that works on it.
+struct Pending<'f>(&'f mut Option<File>);
+
+impl Pending<'_> {
+    /// The file goes on.
+    fn keep(self) {
+        core::mem::forget(self);
+    }
+}
+
+impl Drop for Pending<'_> {
+    fn drop(&mut self) {
+        *self.0 = None;
     }
 }
 

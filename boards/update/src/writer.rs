@@ -1,4 +1,4 @@
-//! Writes a firmware into a partition, page after page, and hashes what is there afterwards.
+//! Writes a firmware into a partition, page after page, and hashes what was found there afterwards.
 
 use embedded_storage_async::nor_flash::NorFlash;
 use mobgate::hal::UpdateError;
@@ -6,7 +6,10 @@ use salty::Sha512;
 
 /// Bytes that are written at a time: whole words of each chip's flash.
 const CHUNK_BYTES: usize = 256;
-const BLANK: u8 = 0xff;
+/// Bytes that are read back at a time.
+const PIECE_BYTES: usize = 64;
+/// An erased byte.
+pub(crate) const BLANK: u8 = 0xff;
 
 /// The firmware so far.
 pub(crate) struct Writer {
@@ -42,9 +45,9 @@ impl Writer {
     }
 
     /// Writes what waits, and returns the hash of all that is in the flash then.
-    pub(crate) async fn finish(mut self, flash: &mut impl NorFlash) -> Result<[u8; 64], UpdateError> {
+    pub(crate) async fn finish(&mut self, flash: &mut impl NorFlash) -> Result<[u8; 64], UpdateError> {
         self.flush(flash).await?;
-        Ok(self.hash.finalize())
+        Ok(core::mem::take(&mut self.hash).finalize())
     }
 
     async fn flush<F: NorFlash>(&mut self, flash: &mut F) -> Result<(), UpdateError> {
@@ -60,12 +63,17 @@ impl Writer {
         self.chunk[self.waiting..].fill(BLANK);
         let words = self.waiting.next_multiple_of(F::WRITE_SIZE);
         flash.write(self.written, &self.chunk[..words]).await.map_err(failed)?;
-        let mut there = [0; CHUNK_BYTES];
-        flash.read(self.written, &mut there[..words]).await.map_err(failed)?;
-        if there[..words] != self.chunk[..words] {
-            return Err(UpdateError::Failed);
+        // In pieces: a future keeps the buffer.
+        let mut there = [0; PIECE_BYTES];
+        for (at, wanted) in (self.written..).step_by(PIECE_BYTES).zip(self.chunk[..words].chunks(PIECE_BYTES))
+        {
+            let there = &mut there[..wanted.len()];
+            flash.read(at, there).await.map_err(failed)?;
+            if there != wanted {
+                return Err(UpdateError::Failed);
+            }
         }
-        self.hash.update(&there[..self.waiting]);
+        self.hash.update(&self.chunk[..self.waiting]);
         self.written += words as u32;
         self.waiting = 0;
         Ok(())

@@ -1,6 +1,7 @@
 //! The power is cut at each operation of the flash: what starts afterwards is one of the two images, whole.
 
 use mobgate::hal::FirmwareState;
+use mobgate_update::{REASON_BYTES_MAX, Reason};
 
 use crate::board::{BOARD, Board, file, firmware};
 use crate::flash::WORD;
@@ -102,4 +103,59 @@ fn an_image_that_is_confirmed_stays() {
         board.restart().unwrap();
         assert_eq!((board.state(), &board.running), (FirmwareState::Confirmed, &images[1]));
     }
+}
+
+/// Why the image before went back, as the program learns it that was started for this reason.
+fn reason<const ECC: bool>(board: &mut Board<ECC>, now: &str) -> Option<String> {
+    let now = Reason::try_from(now).unwrap();
+    board.program(async |updater| updater.reason(now).await).unwrap().map(|why| why.as_str().to_owned())
+}
+
+fn check_reason<const ECC: bool>() {
+    let Case { mut board, images } = case::<ECC>();
+    assert_eq!(reason(&mut board, "started by power"), None);
+    board.update(&file(&images[1])).unwrap();
+    board.restart().unwrap();
+    assert_eq!(reason(&mut board, "started by reboot"), None);
+    board.restart().unwrap();
+    let gone_back = board.clone();
+    assert_eq!(reason(&mut board, "the watchdog").as_deref(), Some("the watchdog"));
+    board.restart().unwrap();
+    assert_eq!(reason(&mut board, "started by power").as_deref(), Some("the watchdog"), "it is kept");
+    // The next update has a story of its own.
+    board.update(&file(&images[1])).unwrap();
+    board.restart().unwrap();
+    board.restart().unwrap();
+    assert_eq!(reason(&mut board, "a fault").as_deref(), Some("a fault"));
+    // A cut leaves the reason, or says that it is lost, and what runs stays.
+    for operation in 0..REASON_BYTES_MAX / WORD {
+        let mut board = gone_back.clone();
+        board.cut_at(operation);
+        let now = Reason::try_from(["the watchdog"; 13].join(", ").as_str()).unwrap();
+        board.program(async |updater| updater.reason(now).await).unwrap_err();
+        board.keep_power();
+        board.restart().unwrap();
+        assert_eq!(board.running, images[0]);
+        reason(&mut board, "started by power").unwrap();
+        board.update(&file(&images[1])).unwrap();
+    }
+}
+
+#[test]
+fn why_an_image_went_back_is_kept_until_the_next_update() {
+    check_reason::<false>();
+    check_reason::<true>();
+}
+
+#[test]
+fn images_have_numbers_of_their_own() {
+    let Case { mut board, images } = case::<false>();
+    let id = |board: &mut Board<false>| board.program(async |updater| updater.id().await).unwrap();
+    let before = id(&mut board);
+    board.update(&file(&images[1])).unwrap();
+    assert_eq!(id(&mut board), before, "what waits does not run");
+    board.restart().unwrap();
+    assert_ne!(id(&mut board), before);
+    board.restart().unwrap();
+    assert_eq!(id(&mut board), before);
 }

@@ -46,9 +46,10 @@ where
     IO: Read + Write,
     U: Update,
 {
-    if !U::EXISTS {
-        let refused = update.begin(None, allow_older).await.err().unwrap_or(UpdateError::Failed);
-        return Ok(Err(Failed::Refused(refused)));
+    // Nobody need send what is not taken anyway; and from here on nobody else begins.
+    let begun = update.begin(None, allow_older).await;
+    if !U::EXISTS || begun.is_err() {
+        return Ok(Err(Failed::Refused(begun.err().unwrap_or(UpdateError::Failed))));
     }
     stream.flush().await?;
     let received = transfer(stream, update, allow_older).await;

@@ -25,7 +25,8 @@ fn with_last_words<R>(f: impl FnOnce(&mut LastWords) -> R) -> R {
     critical_section::with(|_| f(unsafe { (*LAST_WORDS.0.get()).assume_init_mut() }))
 }
 
-/// Written to flush the last words out of the ECC buffer, see [`note`].
+/// Written to flush the last words out of the ECC buffer, see [`note`]. Used, because stores to what nobody reads are left out.
+#[used]
 #[unsafe(link_section = ".uninit.PUSH")]
 static PUSH: AtomicU32 = AtomicU32::new(0);
 

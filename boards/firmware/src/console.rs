@@ -7,12 +7,13 @@ use embassy_sync::mutex::Mutex;
 use embedded_io_async::{Read, Write};
 use embedded_storage_async::nor_flash::NorFlash;
 use mobgate::console::{self, Mode};
-use mobgate::hal::NoUpdate;
-use mobgate_flash::{FlashStore, Image, SharedStore};
+use mobgate::hal::SharedUpdate;
+use mobgate_flash::{FlashStore, SharedStore};
 
 use crate::gateway::{LIVENESS, Task, gateway};
-use crate::start;
 use crate::system::Board;
+use crate::trial::Firmware;
+use crate::{start, trial};
 
 /// Where a person types.
 pub trait Terminal: Read + Write {
@@ -20,21 +21,18 @@ pub trait Terminal: Read + Write {
     async fn opened(&mut self) {}
 }
 
-/// Without a boot loader.
-fn by_probe() -> NoUpdate {
-    NoUpdate("this board does not take updates yet: flash it")
-}
-
 /// Applies the settings in `flash`, whose two sectors begin at `settings`, or deletes them if `forget`, and serves the console.
-/// Board and terminal are borrowed, because a future stores its arguments twice.
+/// `firmware` takes new firmware, and if what runs is on trial, that ends here.
+/// What is large is borrowed, because a future stores its arguments twice.
 pub async fn run(
     board: &mut Board,
     terminal: &mut impl Terminal,
     flash: impl NorFlash,
     settings: u32,
+    firmware: &Mutex<NoopRawMutex, impl Firmware>,
     forget: bool,
 ) {
-    let serve = pin!(serve(board, terminal, flash, settings, forget));
+    let serve = pin!(serve(board, terminal, flash, settings, firmware, forget));
     LIVENESS.watch(Task::Console as usize, serve).await
 }
 
@@ -43,31 +41,37 @@ async fn serve(
     terminal: &mut impl Terminal,
     flash: impl NorFlash,
     settings: u32,
+    firmware: &Mutex<NoopRawMutex, impl Firmware>,
     forget: bool,
 ) {
+    let image = trial::image(board, &mut *firmware.lock().await).await;
     // If the flash has failed, the console still runs and the store reports it.
-    let flash = Mutex::<NoopRawMutex, _>::new(FlashStore::open(flash, settings, Image::ONLY).await);
+    let flash = Mutex::<NoopRawMutex, _>::new(FlashStore::open(flash, settings, image).await);
     let mut store = SharedStore::new(&flash);
     board.settings = start::settings(&mut store, forget).await.err();
     if let Some(problem) = &board.settings {
         defmt::warn!("settings: {}", defmt::Display2Format(problem));
     }
+    let board: &Board = board;
+    let trial = pin!(trial::run(board, firmware, &flash));
     let sessions = pin!(async {
+        let mut update = SharedUpdate::new(firmware);
         loop {
             terminal.opened().await;
             // `exit` starts a new session, and so does a terminal that was unplugged.
-            let _ = console::run(gateway(), &mut *terminal, &mut store, &mut by_probe(), &*board, Mode::Echo)
-                .await;
+            let _ = console::run(gateway(), &mut *terminal, &mut store, &mut update, board, Mode::Echo).await;
             store = SharedStore::new(&flash);
         }
     });
-    // An EtherCAT MainDevice may also request a save. In an image without EtherCAT this would finish at once, but its code and
+    // An EtherCAT MainDevice may also request a save, and bring new firmware. In an image without EtherCAT this would finish at once, but its code and
     // memory would remain.
     #[cfg(feature = "ethercat")]
     let sessions = async {
         let mut kept = SharedStore::new(&flash);
+        let mut taken = SharedUpdate::new(firmware);
         let keep = pin!(gateway().keep_settings(&mut kept));
-        embassy_futures::join::join(keep, sessions).await;
+        let take = pin!(gateway().take_firmware(&crate::states::FIRMWARE, &mut taken, board));
+        embassy_futures::join::join3(keep, take, sessions).await;
     };
-    sessions.await;
+    embassy_futures::join::join(trial, sessions).await;
 }

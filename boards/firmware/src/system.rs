@@ -1,10 +1,12 @@
 //! The console's interface to the board.
 
+use core::cell::RefCell;
 use core::fmt::Write;
 
 use heapless::String;
-use mobgate::hal::{NetworkState, System};
+use mobgate::hal::{FirmwareState, NetworkState, System};
 use mobgate_board::last_words::WORDS_BYTES_MAX;
+use mobgate_update::Reason;
 
 use crate::sockets::Network;
 use crate::start::Problem;
@@ -16,13 +18,31 @@ pub struct Board {
     cause: &'static str,
     last_words: Option<String<WORDS_BYTES_MAX>>,
     pub(crate) settings: Option<Problem>,
+    firmware: RefCell<Option<FirmwareState>>,
     reboot: fn() -> !,
 }
 
 impl Board {
     /// Board `name`, started for this `cause`, and how to start it again.
     pub fn new(name: &'static str, network: Network, cause: &'static str, reboot: fn() -> !) -> Self {
-        Self { name, network, cause, last_words: mobgate_faults::take(), settings: None, reboot }
+        let (last_words, firmware) = (mobgate_faults::take(), RefCell::new(None));
+        Self { name, network, cause, last_words, settings: None, firmware, reboot }
+    }
+
+    /// Why the board was started, as a reason to go back.
+    pub(crate) fn why(&self) -> Reason {
+        let mut why = Reason::new();
+        // What is too long is cut off.
+        let _ = match &self.last_words {
+            Some(words) => why.write_str(words),
+            None => write!(why, "{} while on trial", self.cause),
+        };
+        why
+    }
+
+    /// How what runs came to run.
+    pub(crate) fn set_firmware(&self, state: FirmwareState) {
+        self.firmware.replace(Some(state));
     }
 }
 
@@ -43,6 +63,10 @@ impl System for Board {
         let cause = Some(("board: ", &self.cause as &dyn core::fmt::Display));
         let (what, text) = [cause, last_words, settings].into_iter().flatten().nth(n)?;
         Some(write!(out, "{what}{text}"))
+    }
+
+    fn firmware(&self) -> Option<FirmwareState> {
+        self.firmware.borrow().clone()
     }
 
     fn reboot(&self) {

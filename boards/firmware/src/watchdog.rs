@@ -6,6 +6,7 @@ use mobgate::gateway::{Gateway, Status};
 
 use crate::gateway::{LIVENESS, TaskName, gateway};
 use crate::sockets::Network;
+use crate::trial;
 
 /// Time limit for the tasks' answers.
 const PERIOD: Duration = Duration::from_millis(500);
@@ -33,7 +34,9 @@ pub async fn watch(mut feed: impl FnMut(), lights: &mut impl Lights, network: Ne
             embassy_time::Timer::after(PERIOD).await;
             false
         };
-        match LIVENESS.silent() {
+        let silent = LIVENESS.silent();
+        trial::note_answers(silent.is_none());
+        match silent {
             None => {
                 feed();
                 lights.show(network.stack().is_config_up(), is_lost(gateway()), ethercat);

@@ -15,7 +15,7 @@ mobgate_image::info!(INFO, "NUCLEO-F429ZI");
 
 #[embassy_executor::main]
 async fn main(spawner: Spawner) {
-    nucleo144::run(spawner, INFO.board(), embassy_stm32::init(clocks())).await
+    nucleo144::run(spawner, &INFO, embassy_stm32::init(clocks())).await
 }
 
 /// 168 MHz, the maximum without overdrive, from the 8 MHz of the ST-LINK.

@@ -15,7 +15,7 @@ mobgate_image::info!(INFO, "NUCLEO-F767ZI");
 
 #[embassy_executor::main]
 async fn main(spawner: Spawner) {
-    nucleo144::run(spawner, INFO.board(), embassy_stm32::init(clocks())).await
+    nucleo144::run(spawner, &INFO, embassy_stm32::init(clocks())).await
 }
 
 /// 216 MHz, the chip's maximum, from the 8 MHz of the ST-LINK.

@@ -17,7 +17,7 @@ mobgate_image::info!(INFO, "NUCLEO-H743ZI");
 
 #[embassy_executor::main]
 async fn main(spawner: Spawner) {
-    nucleo144::run(spawner, INFO.board(), embassy_stm32::init(clocks())).await
+    nucleo144::run(spawner, &INFO, embassy_stm32::init(clocks())).await
 }
 
 /// 400 MHz, which every revision of the chip supports, from the 8 MHz of the ST-LINK.

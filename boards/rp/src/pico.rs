@@ -13,8 +13,10 @@ use embassy_rp::spi::{self, Spi};
 use embassy_rp::usb;
 use embassy_rp::watchdog::Watchdog;
 use embassy_rp::{Peripherals, bind_interrupts, pac};
+use embassy_sync::mutex::Mutex;
 use embassy_time::Duration;
 use embedded_hal_bus::spi::ExclusiveDevice;
+use mobgate::hal::NoUpdate;
 use mobgate_firmware::gateway::PORTS;
 use mobgate_firmware::lines::{LINES, Lines, SharedLine};
 use mobgate_firmware::network::Network;
@@ -157,5 +159,7 @@ async fn port(index: usize, lines: Lines<PioLine>, network: Network) {
 
 #[embassy_executor::task]
 async fn serve(mut board: Board, mut port: Console, flash: SettingsFlash, forget: bool) {
-    terminal::run(&mut board, &mut port, flash, SETTINGS_START, forget).await
+    let firmware = NoUpdate("this board has no boot loader yet: copy the new UF2 file onto its drive");
+    let firmware = Mutex::new(firmware);
+    terminal::run(&mut board, &mut port, flash, SETTINGS_START, &firmware, forget).await
 }

@@ -15,11 +15,10 @@ use embassy_stm32::time::Hertz;
 use embassy_stm32::{Peri, dma, exti};
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::mutex::Mutex;
-use ethercat_subdevice::foe::NoFiles;
 use ethercat_subdevice::lan9252::{Lan9252, Wiring};
 use mobgate::fieldbus::serve;
 use mobgate_firmware::gateway::{LIVENESS, Task};
-use mobgate_firmware::states::{ETHERCAT, SCANNER};
+use mobgate_firmware::states::{ETHERCAT, FIRMWARE, SCANNER};
 
 use crate::spi::Bus;
 
@@ -92,5 +91,5 @@ async fn serve_controller(Wires { spi, select, mut interrupt }: Wires) {
     let bus = Mutex::<NoopRawMutex, _>::new(Bus(spi));
     let wiring = Wiring { spi_hz: SPI_CLOCK_HZ_MIN, select_ns: SELECT_NS, ..Wiring::default() };
     let controller = Lan9252::new(SpiDevice::new(&bus, select), wiring);
-    serve(&ETHERCAT, Some(&SCANNER), NoFiles, controller, async || interrupt.wait_for_high().await).await
+    serve(&ETHERCAT, Some(&SCANNER), &FIRMWARE, controller, async || interrupt.wait_for_high().await).await
 }

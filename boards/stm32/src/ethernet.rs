@@ -80,6 +80,7 @@ impl LateEthernet {
         let Parts { eth, clock, carrier, receive, transmit, management } = parts;
         let management = Sma::new(management.0, management.1, management.2);
         let phy = NegotiatingPhy { management, number, is_up: false, next_look: Instant::MIN };
+        mobgate_firmware::trial::found_network();
         self.driver = Some(Ethernet::new_with_phy(
             queue,
             eth,

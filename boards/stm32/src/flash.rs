@@ -1,12 +1,17 @@
-//! The chip's flash, for the settings.
+//! The chip's flash, for the settings and for new firmware.
 //!
 //! The F4 and the H7 have two banks: the program runs on from the first while the second is written or erased. The F7 has one bank
-//! by default: the chip stalls for up to 2 s per erase (about every 60th `save`, see `mobgate-flash`). DMA and Ethernet keep
-//! receiving meanwhile.
+//! by default: the chip stalls for up to 2 s per erase (about every 60th `save`, see `mobgate-flash`, and each page of an update). DMA
+//! and Ethernet keep receiving meanwhile.
 
-use embassy_stm32::flash::{Error, Flash, MAX_ERASE_SIZE, WRITE_SIZE};
+use embassy_stm32::flash::{Error, Flash, WRITE_SIZE};
+use embassy_sync::blocking_mutex::raw::NoopRawMutex;
+use embassy_sync::mutex::Mutex;
 use embedded_storage_async::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
 use mobgate_flash::{TEXT_BYTES_MAX, text_bytes_max};
+use mobgate_image::{Info, PUBLIC_KEY};
+use mobgate_stm32_boot::flash::{PAGE_BYTES, STATE_PAGE_BYTES, layout};
+use mobgate_update::{Partition, Trust, Updater};
 
 /// Flash driver mode: interrupt-driven where possible, see above.
 #[cfg(feature = "f7")]
@@ -15,26 +20,43 @@ pub(crate) type Mode = embassy_stm32::flash::Blocking;
 #[cfg(not(feature = "f7"))]
 pub(crate) type Mode = embassy_stm32::flash::Async;
 
-/// Offset of the settings in the flash: the last two sectors of 2 MiB. Each board's `regions.x` keeps the program out of them.
-pub(crate) const SETTINGS_START: u32 = 2 * 1024 * 1024 - 2 * MAX_ERASE_SIZE as u32;
+/// The flash, which settings and updates share.
+pub(crate) type SharedFlash = Mutex<NoopRawMutex, ChipFlash>;
+/// The settings' two pages.
+type Settings<'a> = Partition<'a, NoopRawMutex, ChipFlash, PAGE_BYTES>;
 
-const _: () = assert!(text_bytes_max::<SettingsFlash>() == TEXT_BYTES_MAX, "the longest settings fit");
+/// End of the settings in the flash, and of the flash: 2 MiB. Each board's `regions.x` keeps the program out of them.
+const SETTINGS_END: u32 = 2 * 1024 * 1024;
 
-/// The flash for the settings' store.
-pub(crate) struct SettingsFlash(Flash<'static, Mode>);
+const _: () = assert!(text_bytes_max::<Settings<'_>>() == TEXT_BYTES_MAX, "the longest settings fit");
 
-impl SettingsFlash {
-    /// All of the chip's flash; the store uses only its two sectors.
+/// The part of the settings.
+pub(crate) fn settings(flash: &SharedFlash) -> Settings<'_> {
+    Partition::new(flash, SETTINGS_END - 2 * PAGE_BYTES as u32..SETTINGS_END)
+}
+
+/// Takes new firmware, while `running` runs.
+pub(crate) fn updater(
+    flash: &SharedFlash,
+    running: Info,
+) -> Updater<'_, NoopRawMutex, ChipFlash, PAGE_BYTES, STATE_PAGE_BYTES> {
+    Updater::new(flash, layout(), Trust { running, key: PUBLIC_KEY })
+}
+
+/// All of the flash.
+pub(crate) struct ChipFlash(Flash<'static, Mode>);
+
+impl ChipFlash {
     pub(crate) fn new(flash: Flash<'static, Mode>) -> Self {
         Self(flash)
     }
 }
 
-impl ErrorType for SettingsFlash {
+impl ErrorType for ChipFlash {
     type Error = Error;
 }
 
-impl ReadNorFlash for SettingsFlash {
+impl ReadNorFlash for ChipFlash {
     const READ_SIZE: usize = 1;
 
     async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), Error> {
@@ -50,10 +72,10 @@ impl ReadNorFlash for SettingsFlash {
     }
 }
 
-impl NorFlash for SettingsFlash {
+impl NorFlash for ChipFlash {
     const WRITE_SIZE: usize = WRITE_SIZE;
-    // The last sectors are the chip's largest.
-    const ERASE_SIZE: usize = MAX_ERASE_SIZE;
+    // The smallest of the partitions' pages.
+    const ERASE_SIZE: usize = STATE_PAGE_BYTES;
 
     async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), Error> {
         // One bank, see above.
@@ -66,12 +88,12 @@ impl NorFlash for SettingsFlash {
     }
 
     async fn erase(&mut self, from: u32, to: u32) -> Result<(), Error> {
-        // One bank, see above: nothing else can feed the watchdog meanwhile, and the first start erases several sectors in a row.
+        // One bank, see above: nothing else can feed the watchdog meanwhile. Partitions erase one page at a time.
         #[cfg(feature = "f7")]
-        return (from..to).step_by(Self::ERASE_SIZE).try_for_each(|sector| {
-            crate::registers::feed_watchdog();
-            self.0.blocking_erase(sector, sector + Self::ERASE_SIZE as u32)
-        });
+        {
+            mobgate_stm32_boot::watchdog::feed();
+            return self.0.blocking_erase(from, to);
+        }
         #[cfg(feature = "h7")]
         mobgate_stm32_boot::flash::forget_errors();
         #[cfg(not(feature = "f7"))]

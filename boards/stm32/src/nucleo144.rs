@@ -9,6 +9,7 @@ use embassy_stm32::uid::uid;
 use embassy_stm32::usart::Uart;
 use embassy_stm32::wdg::IndependentWatchdog;
 use embassy_stm32::{Peripherals, pac, peripherals as p};
+use embassy_sync::mutex::Mutex;
 use mobgate::settings::{LineSettings, Parity};
 use mobgate_firmware::console::{self, Terminal};
 use mobgate_firmware::gateway::PORTS;
@@ -16,10 +17,11 @@ use mobgate_firmware::lines::{LINES, Line, Lines, SharedLine};
 use mobgate_firmware::network::Network;
 use mobgate_firmware::system::Board;
 use mobgate_firmware::{gateway, network, start, watchdog};
+use mobgate_image::Info;
 use static_cell::StaticCell;
 
 use crate::ethernet::{LateEthernet, Parts};
-use crate::flash::{SETTINGS_START, SettingsFlash};
+use crate::flash::{ChipFlash, SharedFlash, settings, updater};
 use crate::interrupts::Interrupts;
 use crate::lights::Lights;
 use crate::line::{Dma, UartLine, first_config};
@@ -58,8 +60,8 @@ macro_rules! line {
     };
 }
 
-/// Runs the gateway on the board `name`, with the clocks set up.
-pub async fn run(spawner: Spawner, name: &'static str, p: Peripherals) -> ! {
+/// Runs the gateway on the board that `info` names, with the clocks set up.
+pub async fn run(spawner: Spawner, info: &'static Info, p: Peripherals) -> ! {
     clock::start();
     // On the H7, watchdogs are numbered by core.
     #[cfg(feature = "h7")]
@@ -99,7 +101,7 @@ pub async fn run(spawner: Spawner, name: &'static str, p: Peripherals) -> ! {
         management: (p.ETH_SMA, p.PA2, p.PC1),
     };
     let (network, runner) = network::start(spawner, LateEthernet::new(ethernet), &uid());
-    let board = Board::new(name, network, registers::reset_cause(), SCB::sys_reset);
+    let board = Board::new(info.board(), network, registers::reset_cause(), SCB::sys_reset);
     spawn(spawner, runner, lines, network);
     // Images without EtherCAT are smaller, see Cargo.toml.
     #[cfg(feature = "ethercat")]
@@ -115,7 +117,7 @@ pub async fn run(spawner: Spawner, name: &'static str, p: Peripherals) -> ! {
     #[cfg(not(feature = "f7"))] // As above.
     let flash = Flash::new(p.FLASH, Interrupts);
     // Spawned once: the task slot is free.
-    spawner.spawn(serve(board, terminal, SettingsFlash::new(flash), forget).unwrap());
+    spawner.spawn(serve(board, terminal, ChipFlash::new(flash), info, forget).unwrap());
     watchdog::watch(|| watchdog.pet(), &mut lights, network).await
 }
 
@@ -142,9 +144,17 @@ async fn port(index: usize, lines: Lines<UartLine>, network: Network) {
 }
 
 #[embassy_executor::task]
-async fn serve(mut board: Board, mut terminal: UartLine, flash: SettingsFlash, forget: bool) {
+async fn serve(
+    mut board: Board,
+    mut terminal: UartLine,
+    flash: ChipFlash,
+    info: &'static Info,
+    forget: bool,
+) {
     // Every chip supports this format. Only the error's kind, because formatting its hint would pull the Unicode tables (3 KiB)
     // into the image.
     terminal.configure(&CONSOLE).map_err(|error| error.kind).unwrap();
-    console::run(&mut board, &mut terminal, flash, SETTINGS_START, forget).await
+    let flash = SharedFlash::new(flash);
+    let firmware = Mutex::new(updater(&flash, *info));
+    console::run(&mut board, &mut terminal, settings(&flash), 0, &firmware, forget).await
 }

@@ -158,13 +158,6 @@ pub(crate) fn prepare_memories() {
     }
 }
 
-/// Feeds the watchdog before an operation that stalls the chip; has no effect before the watchdog is started.
-#[cfg(feature = "f7")]
-pub(crate) fn feed_watchdog() {
-    use embassy_stm32::pac::{IWDG, iwdg::vals::Key};
-    IWDG.kr().write(|command| command.set_key(Key::RESET));
-}
-
 /// Sets the MAC to 100 or 10 Mbit/s, full or half duplex.
 pub(crate) fn set_ethernet_speed(is_100: bool, is_full: bool) {
     let control = embassy_stm32::pac::ETH.ethernet_mac().maccr();

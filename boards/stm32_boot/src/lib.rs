@@ -1,11 +1,11 @@
-//! The boot loader of the STM32 boards, and what it shares with the program: [`flash`].
+//! The boot loader of the STM32 boards, and what it shares with the program: [`flash`], [`watchdog`].
 //!
 //! It runs on the clock of the reset, from the first part of the flash, and uses nothing of the chip but the flash and the watchdog.
 //! What goes wrong starts the chip anew: the swap goes on where it was.
 #![no_std]
 
 pub mod flash;
-mod watchdog;
+pub mod watchdog;
 
 use core::cell::RefCell;
 use core::ops::Range;

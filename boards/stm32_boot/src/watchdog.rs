@@ -18,7 +18,7 @@ pub(crate) fn start() {
     IWDG.kr().write(|command| command.set_key(Key::START));
 }
 
-/// Gives it another 10 s.
-pub(crate) fn feed() {
+/// Gives it another 10 s, before an operation that stalls the chip; has no effect while it is not started.
+pub fn feed() {
     IWDG.kr().write(|command| command.set_key(Key::RESET));
 }

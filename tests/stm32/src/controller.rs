@@ -9,12 +9,17 @@ use ethercat_esc::{Chip, Lan9252, MainDevice, SharedChip, World};
 use ethercat_subdevice::al_state::AlState;
 use ethercat_subdevice::device::Device;
 use ethercat_subdevice::sync_manager::Channel;
+use mobgate::fieldbus::updatable_device;
 
+use crate::foe::{FileRefusal, Writer};
 use crate::machine::{Machine, Stop};
 use crate::spi::Target;
 use crate::time::Time;
 
-static GATEWAY: Device = mobgate::fieldbus::DEVICE;
+/// The board as a SubDevice.
+fn gateway() -> &'static Device {
+    updatable_device(false)
+}
 
 /// How far the clocks of board and cable are apart at most.
 const STEP_US: u64 = 20;
@@ -46,7 +51,7 @@ impl Controller {
     /// Connects one to a board that was not started yet.
     pub fn connect(machine: &Machine) -> Self {
         let world = World::new(1);
-        let chip = Chip::of(&GATEWAY);
+        let chip = Chip::of(gateway());
         let lan9252 = Lan9252::new(chip.clone(), Timing::USUAL);
         machine.bus.borrow_mut().target = Some(Box::new(lan9252.pins()));
         Self { world, lan9252, chip }
@@ -72,7 +77,7 @@ impl Controller {
         machine: &mut Machine,
         what: impl AsyncFnOnce(&mut MainDevice<'static>) -> Result<T, Refusal> + 'static,
     ) -> Result<T, Stop> {
-        let mut main_device = MainDevice::new(self.chip.clone(), &GATEWAY);
+        let mut main_device = MainDevice::new(self.chip.clone(), gateway());
         let task = self.world.spawn(async move { what(&mut main_device).await });
         let end = machine.now() + PATIENCE;
         while !task.is_finished() {
@@ -92,8 +97,20 @@ impl Controller {
 
     /// Sends outputs, and zeros behind them, and takes inputs.
     pub fn exchange(&mut self, machine: &mut Machine, mut outputs: Vec<u8>) -> Result<Vec<u8>, Stop> {
-        outputs.resize(GATEWAY.default_bytes(Channel::Outputs).into(), 0);
+        outputs.resize(gateway().default_bytes(Channel::Outputs).into(), 0);
         self.carry_out(machine, async move |main_device| main_device.exchange(&outputs).await)
+    }
+
+    /// Writes a file into the board by FoE in Boot, and takes it to Init. What the board refused it with, if it did.
+    pub fn write_file(
+        &mut self,
+        machine: &mut Machine,
+        name: &'static str,
+        file: Vec<u8>,
+    ) -> Result<Option<FileRefusal>, Stop> {
+        self.carry_out(machine, async move |main_device| {
+            Writer::new(main_device, gateway()).update(name, &file).await
+        })
     }
 
     /// What the board did at the SPI that a LAN9252 does not allow.

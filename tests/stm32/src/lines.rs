@@ -39,6 +39,12 @@ const DRIVERS: [Pin; 4] = [(3, 4), (6, 12), (0, 15), (2, 8)];
 /// How often a wait looks.
 const STEP: Duration = Duration::from_millis(1);
 
+/// Whether the last that the terminal shows is the prompt: it begins a line, and is longer while settings are not saved. The cursor's place
+/// follows it.
+pub fn ends_with_prompt(shown: &str) -> bool {
+    shown.contains("> \x1b[K") && shown.ends_with('C')
+}
+
 impl Machine {
     /// Another station sends these bytes without gaps, from now on or behind what it sends already.
     pub fn send(&mut self, uart: Uart, bytes: &[u8], format: Format) {
@@ -102,8 +108,7 @@ impl Machine {
 
     /// Runs until the terminal shows the prompt, at most for so long, and returns what it showed before.
     pub fn wait_for_prompt(&mut self, at_most: Duration) -> Result<String, Stop> {
-        // It begins a line, and is longer while settings are not saved. The cursor's place follows it.
-        let mut shown = self.watch(|shown| shown.contains("> \x1b[K") && shown.ends_with('C'), at_most)?;
+        let mut shown = self.watch(ends_with_prompt, at_most)?;
         shown.truncate(shown.rfind("\rmobgate").unwrap_or(shown.len()));
         Ok(shown)
     }

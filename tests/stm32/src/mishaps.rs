@@ -30,6 +30,11 @@ impl Machine {
         self.bus.borrow_mut().ethernet.phy.hangs = hangs;
     }
 
+    /// The PHY responds no more, and gives no clock from the next reset on.
+    pub fn remove_phy(&mut self) {
+        self.bus.borrow_mut().ethernet.phy.is_there = false;
+    }
+
     /// Plugs the Ethernet cable in or pulls it out.
     pub fn plug_cable(&mut self, is_in: bool) {
         self.bus.borrow_mut().ethernet.phy.has_cable = is_in;

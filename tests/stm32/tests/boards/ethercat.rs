@@ -6,10 +6,13 @@ use mobgate_stm32_emulator::{Board, Controller, Family, Machine};
 
 use crate::clients::respond;
 use crate::figure::{Target, figure};
+use crate::firmware::START_MAX;
+use crate::update_file::{hanging, signed};
 use crate::{on_each_board, set_up, wait_for_prompt};
 
 on_each_board!(
     a_main_device_brings_the_board_to_op_and_sees_a_device,
+    new_firmware_comes_by_foe_in_boot,
     a_controller_that_was_reset_comes_to_op_again,
     a_cycle_takes_the_processor_no_longer_than_is_promised,
 );
@@ -109,4 +112,24 @@ fn a_cycle_takes_the_processor_no_longer_than_is_promised(board: Board) {
     figure(&format!("{name}_ethercat_cycle_instructions"), instructions, "instructions", Target::None);
     let promised = (SELECTS * select_us + FIXED_US) / MARGIN;
     figure(&format!("{name}_ethercat_cycle_processor_us"), micros, "us", Target::AtMost(promised));
+}
+
+fn new_firmware_comes_by_foe_in_boot(board: Board) {
+    let (mut machine, mut controller) = with_controller(board);
+    let program = machine.program();
+    let mut write = |machine: &mut Machine, minor, patch| {
+        let file = signed(&hanging(&program, minor, patch));
+        controller.write_file(machine, "firmware.mgu", file).unwrap()
+    };
+    let refused = write(&mut machine, 0, 9);
+    assert_eq!(refused, Some((0x8002, "the image is older than what runs".to_owned())));
+    assert_eq!(write(&mut machine, 1, 1), None);
+    assert_eq!(machine.resets, [], "the MainDevice must see that Boot was left");
+    machine.wait_for_prompt(START_MAX).unwrap();
+    // What came hangs.
+    let update = machine.type_line("show update").unwrap();
+    assert!(
+        update.contains("0.1.0: went back from 0.1.1: started by the watchdog while on trial"),
+        "{update}"
+    );
 }

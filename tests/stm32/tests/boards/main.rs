@@ -12,13 +12,16 @@ mod ethercat;
 #[expect(dead_code, reason = "no figure here has a least value")]
 #[path = "../../../../benches/figures/figure.rs"]
 mod figure;
+mod firmware;
 mod lines;
 mod memory;
 mod network;
 mod passing;
 mod power;
 mod settings;
+mod update_file;
 mod updates;
+mod ymodem;
 
 /// Makes a test of each function for each board.
 macro_rules! on_each_board {

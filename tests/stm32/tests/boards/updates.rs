@@ -1,10 +1,8 @@
 //! The boot loader: what it starts, swaps and swaps back, with power cuts in between.
 
-use std::time::Duration;
-
 use mobgate_stm32_emulator::{Board, Machine, Stop};
 
-use crate::figure::{Target, figure};
+use crate::firmware::START_MAX;
 use crate::{on_each_board, set_up, started, wait_for_prompt};
 
 on_each_board!(
@@ -12,11 +10,6 @@ on_each_board!(
     an_image_that_faults_at_its_start_goes_back,
     power_cuts_at_erasures_and_words_of_the_swap_and_of_the_way_back_leave_a_whole_image,
 );
-
-/// The longest swap, and a start.
-const START_MAX: Duration = Duration::from_secs(60);
-/// How long the lines may rest for an update, in seconds.
-const PAUSE_MAX: f64 = 30.0;
 
 fn name(board: Board) -> String {
     board.name.to_uppercase().replace('_', "-")
@@ -46,12 +39,8 @@ fn an_image_that_waits_is_swapped_in_and_one_that_is_not_confirmed_goes_back(boa
     let (old, new_name) = (machine.program(), name(board).replace("ZI", "ZX"));
     let new = renamed(&old, board);
     machine.stage(&new);
-    let from = machine.now();
     machine.power_cycle();
     machine.wait_for_prompt(START_MAX).unwrap();
-    let pause = (machine.now() - from).as_secs_f64();
-    let name_of_figure = format!("{}_update_pause_s", board.name.trim_start_matches("nucleo_"));
-    figure(&name_of_figure, pause, "s", Target::AtMost(PAUSE_MAX));
     runs(&mut machine, &new_name);
     assert!(machine.program() == new);
     machine.power_cycle();

@@ -90,10 +90,9 @@ impl NorFlash for ChipFlash {
     async fn erase(&mut self, from: u32, to: u32) -> Result<(), Error> {
         // One bank, see above: nothing else can feed the watchdog meanwhile. Partitions erase one page at a time.
         #[cfg(feature = "f7")]
-        {
-            mobgate_stm32_boot::watchdog::feed();
-            return self.0.blocking_erase(from, to);
-        }
+        mobgate_stm32_boot::watchdog::feed();
+        #[cfg(feature = "f7")]
+        return self.0.blocking_erase(from, to);
         #[cfg(feature = "h7")]
         mobgate_stm32_boot::flash::forget_errors();
         #[cfg(not(feature = "f7"))]

@@ -135,7 +135,7 @@ fn an_update_by_the_console_runs_on_trial_and_is_confirmed_while_lines_are_serve
     wait_for_prompt(&mut machine);
     assert!(machine.program() == new);
     shows(&mut machine, "show update", "0.1.1: confirmed");
-    for line in LINES.iter().chain([&saved_on_trial]) {
+    for line in [LINES[0], LINES[1], saved_on_trial] {
         shows(&mut machine, "show config", line);
     }
 }

@@ -54,7 +54,7 @@ impl<const ECC: bool> Board<ECC> {
         Self { flash, running: firmware }
     }
 
-    fn layout() -> Layout {
+    pub(crate) fn layout() -> Layout {
         let page = PAGE as u32;
         let update = ACTIVE_PAGES * page..(2 * ACTIVE_PAGES + 1) * page;
         Layout { active: 0..ACTIVE_PAGES * page, state: update.end..update.end + page, update }

@@ -1,9 +1,14 @@
 //! Files that are refused, with the reason; what runs stays.
 
+use embassy_futures::block_on;
+use embassy_sync::blocking_mutex::raw::NoopRawMutex;
+use embassy_sync::mutex::Mutex;
 use mobgate::hal::{FirmwareState, Update, UpdateError};
-use mobgate_image::{HEADER_BYTES, INFO_OFFSET};
+use mobgate_image::{HEADER_BYTES, INFO_OFFSET, Info};
+use mobgate_update::{Trust, Updater};
 
 use crate::board::{BOARD, Board, file, firmware};
+use crate::flash::PAGE;
 
 const BYTES: usize = 1600;
 
@@ -115,4 +120,14 @@ fn what_waits_is_forgotten_when_another_file_begins() {
     assert_eq!(broken, Ok(()));
     board.restart().unwrap();
     assert_eq!(board.running, before);
+}
+
+#[test]
+fn any_file_if_the_firmware_was_built_without_a_key() {
+    let board = board();
+    let trust = Trust { running: Info::of_firmware(&board.running).unwrap(), key: None };
+    let flash = Mutex::<NoopRawMutex, _>::new(board.flash);
+    let mut updater = Updater::<_, _, PAGE, PAGE>::new(&flash, Board::<false>::layout(), trust);
+    let refused = block_on(updater.begin(None, false)).unwrap_err();
+    assert!(refused.to_string().contains("built without a key"), "{refused}");
 }

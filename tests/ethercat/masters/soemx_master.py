@@ -1,8 +1,13 @@
 """The routine with SOEM, by soemx."""
 
+import time
+
 import routine
 import soemx
-from soem import PATIENCE, STARTS_MAX, Soem
+from soem import PATIENCE, SYNC_MANAGERS, Soem
+
+# So long, in us, may a message that is late be on its way.
+LATE = 500_000
 
 
 class MainDevice(Soem):
@@ -26,20 +31,40 @@ class MainDevice(Soem):
         self.wait_for(state)
 
     def sdo(self, index, sub, size, **how):
-        # Its own time-outs are fixed: a message that is late for them is lost, which has no abort code.
-        for _ in range(STARTS_MAX - 1):
+        return self.anew(lambda: super(MainDevice, self).sdo(index, sub, size, **how))
+
+    def anew(self, ask):
+        """What `ask` returns. soemx waits 20 ms to send or receive a message, whatever its time-outs are set to, and would take an answer
+        that comes later for that to its next question about the same object: it asks anew when none can come any more."""
+        end = time.monotonic() + PATIENCE / 1e6
+        while True:
             try:
-                return super().sdo(index, sub, size, **how)
-            except soemx.errors.SdoError as error:
-                if error.abort_code:
+                return ask()
+            except (soemx.errors.SdoError, soemx.errors.SdoInfoError) as error:
+                code = getattr(error, "abort_code", 0)
+                if code or time.monotonic() > end:
+                    error.add_note(f"abort code {code}, mailboxes {self.register(SYNC_MANAGERS, 16).hex()}")
                     raise
-        return super().sdo(index, sub, size, **how)
+            self.drain()
+
+    def drain(self):
+        try:
+            while self.device.mbx_receive(timeout=LATE):
+                pass
+        except soemx.errors.SoemxError:
+            pass
 
     def listed(self):
-        # It takes the working counter for the number of objects, and gives the first one only.
-        (first,) = self.device.sdo_info()
+        # It takes the working counter for the number of objects, and gives the first one only; none where the list comes late.
+        (first,) = self.anew(self.list_of_objects)
         assert first["index"] == 0x1000
         return None
+
+    def list_of_objects(self):
+        found = self.device.sdo_info()
+        if not found:
+            raise soemx.errors.SdoInfoError("the list came late")
+        return found
 
     def put(self, byte):
         outputs = self.device.outputs

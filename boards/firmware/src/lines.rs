@@ -2,7 +2,7 @@
 
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::mutex::{Mutex, MutexGuard};
-use embassy_time::{Duration, Instant};
+use embassy_time::{Duration, Instant, Timer};
 use embedded_io_async::{ErrorType, Read, Write};
 use mobgate::hal::{Flaws, OpenError, OpenErrorKind, Relay, SerialHost, SerialLine};
 use mobgate::settings::LineSettings;
@@ -22,6 +22,23 @@ pub trait Line: SerialLine {
     fn relay_from(&mut self, _from: usize, _relay: Relay) -> bool {
         false
     }
+}
+
+/// [`SerialLine::rest`]: `set` lets characters accumulate without waking the port, and ends that, also when this is dropped.
+pub async fn rest(until: Instant, set: impl Fn(bool)) -> bool {
+    struct Rest<S: Fn(bool)>(S);
+    impl<S: Fn(bool)> Drop for Rest<S> {
+        fn drop(&mut self) {
+            self.0(false);
+        }
+    }
+    let rests = until > Instant::now();
+    if rests {
+        set(true);
+        let _rest = Rest(set);
+        Timer::at(until).await;
+    }
+    rests
 }
 
 /// A line, locked by the port that uses it.

@@ -21,11 +21,11 @@ use embassy_rp::pio::{
     Config, Direction, FifoJoin, Instance, Pin, ShiftDirection, StateMachine, StatusSource,
 };
 use embassy_sync::waitqueue::AtomicWaker;
-use embassy_time::{Instant, Timer};
+use embassy_time::Instant;
 use embedded_io_async::{ErrorKind, ErrorType, Read, Write};
 use mobgate::hal::{Flaws, OpenError, OpenErrorKind, SerialLine};
 use mobgate::settings::{Driver, LineSettings};
-use mobgate_firmware::lines::{LINES, Line};
+use mobgate_firmware::lines::{self, LINES, Line};
 
 use crate::character::Format;
 use crate::program::{CYCLES_PER_BIT, Programs};
@@ -74,22 +74,6 @@ impl<const N: usize, I: Interrupt> Handler<I> for LineInterrupt<N> {
 /// The state machine that receives on a PIO's line `nth`; the one before it transmits.
 const fn receiver(nth: usize) -> usize {
     nth * MACHINES + 1
-}
-
-/// Lets characters accumulate without waking the reader, until it is dropped.
-struct Rest(&'static Reader);
-
-impl Rest {
-    fn new(reader: &'static Reader) -> Self {
-        reader.rests.store(true, Ordering::Relaxed);
-        Self(reader)
-    }
-}
-
-impl Drop for Rest {
-    fn drop(&mut self) {
-        self.0.rests.store(false, Ordering::Relaxed);
-    }
 }
 
 /// A line.
@@ -301,12 +285,7 @@ impl SerialLine for PioLine {
     const RESTS: bool = true;
 
     async fn rest(&mut self, until: Instant) -> bool {
-        let rests = until > Instant::now();
-        if rests {
-            let _rest = Rest::new(self.reader);
-            Timer::at(until).await;
-        }
-        rests
+        lines::rest(until, |rests| self.reader.rests.store(rests, Ordering::Relaxed)).await
     }
 
     fn take_flaws(&mut self) -> Flaws {

@@ -21,11 +21,11 @@ use embassy_stm32::mode::Blocking;
 use embassy_stm32::pac::dma::St;
 use embassy_stm32::pac::usart::Usart;
 use embassy_stm32::usart::{Config, ConfigError, DataBits, Instance, Parity, RxDma, StopBits, TxDma, Uart};
-use embassy_time::{Duration, Instant, Timer};
+use embassy_time::{Duration, Instant};
 use embedded_io_async::{ErrorKind, ErrorType, Read, Write};
 use mobgate::hal::{Flaws, OpenError, OpenErrorKind, Relay, SerialLine};
 use mobgate::settings::{Driver, LineSettings, Parity as WireParity};
-use mobgate_firmware::lines::Line;
+use mobgate_firmware::lines::{self, Line};
 
 use crate::registers;
 use crate::shift::{Hardware, NO_FLAWS, SHIFTS, Shift};
@@ -40,22 +40,6 @@ impl Drop for Release {
     fn drop(&mut self) {
         // The interrupt modifies the same register.
         critical_section::with(|_| self.0.cr1().modify(|control| control.set_tcie(true)));
-    }
-}
-
-/// Lets characters accumulate without waking the port, until it is dropped.
-struct Rest(&'static Shift);
-
-impl Rest {
-    fn new(shift: &'static Shift) -> Self {
-        shift.rest(true);
-        Self(shift)
-    }
-}
-
-impl Drop for Rest {
-    fn drop(&mut self) {
-        self.0.rest(false);
     }
 }
 
@@ -201,12 +185,7 @@ impl SerialLine for UartLine {
 
     /// Each character still interrupts, for its flaws.
     async fn rest(&mut self, until: Instant) -> bool {
-        let rests = until > Instant::now();
-        if rests {
-            let _rest = Rest::new(self.shift);
-            Timer::at(until).await;
-        }
-        rests
+        lines::rest(until, |rests| self.shift.rest(rests)).await
     }
 
     fn take_flaws(&mut self) -> Flaws {

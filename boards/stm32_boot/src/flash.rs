@@ -1,7 +1,5 @@
 //! The chip's flash: its partitions, and how it is read where a power cut has left a word half written.
 
-use core::ops::Range;
-
 use embassy_stm32::flash::{Blocking, Error, FLASH_BASE, FLASH_SIZE, Flash, MAX_ERASE_SIZE, WRITE_SIZE};
 use embassy_stm32::peripherals::FLASH;
 use embedded_storage::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
@@ -18,27 +16,9 @@ pub const STATE_PAGE_BYTES: usize = if cfg!(feature = "f4") {
     MAX_ERASE_SIZE
 };
 
-unsafe extern "C" {
-    // Addresses, by boot/link/partitions.x.
-    safe static __active_start: u8;
-    safe static __active_end: u8;
-    safe static __update_start: u8;
-    safe static __update_end: u8;
-    safe static __state_start: u8;
-    safe static __state_end: u8;
-}
-
 /// The partitions, as the board's `regions.x` has them.
 pub fn layout() -> Layout {
-    let between = |start: &u8, end: &u8| -> Range<u32> {
-        let offset = |at: &u8| (core::ptr::from_ref(at).addr() - FLASH_BASE) as u32;
-        offset(start)..offset(end)
-    };
-    Layout {
-        active: between(&__active_start, &__active_end),
-        update: between(&__update_start, &__update_end),
-        state: between(&__state_start, &__state_end),
-    }
+    mobgate_boot_cortex_m::layout(FLASH_BASE)
 }
 
 /// F4 chips before revision 3 misread bank 2 unless PA12 is held low (errata 2.2.11): drives it.

@@ -1,18 +1,18 @@
-//! The boot loader of an STM32 board: `mobgate_stm32_boot` in the first part of the board's flash.
+//! The boot loader of a board, in the first part of its flash: `chip_boot` is the crate for its chip.
 #![no_std]
 #![no_main]
 
 use core::panic::PanicInfo;
 
+use chip_boot::restart;
 use cortex_m_rt::{ExceptionFrame, entry, exception};
-use mobgate_stm32_boot::restart;
 
 // The linker's memory map: a change must relink the image.
 const _: &[u8] = include_bytes!(concat!(env!("CARGO_MANIFEST_DIR"), "/regions.x"));
 
 #[entry]
 fn main() -> ! {
-    mobgate_stm32_boot::run()
+    chip_boot::run()
 }
 
 #[panic_handler]

@@ -2,6 +2,7 @@
 import assert from 'node:assert/strict';
 import test from 'node:test';
 import { Bench } from './src/bench.js';
+import './updates.js';
 
 const TRANSACTIONS = Number(process.env.MOBGATE_TRANSACTIONS ?? 10_000);
 /** RP2040 data sheet 4.7.6, REASON. */

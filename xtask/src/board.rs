@@ -37,7 +37,7 @@ pub(crate) fn image(board: &str) -> Outcome<PathBuf> {
     Ok(images(&target(board)?).join(format!("mobgate-{}", board.replace('_', "-"))))
 }
 
-/// The boot loader of an STM32 board.
+/// The boot loader of a board.
 pub(crate) fn boot_loader(board: &str) -> Outcome<PathBuf> {
     let mut name = image(board)?.into_os_string();
     name.push("-boot");
@@ -150,7 +150,9 @@ pub(crate) fn run(board: &str, subcommand: &str, arguments: &[String]) -> Outcom
             tools::built(&image)?;
             let boot = if has_boot_loader(board) { Some(boot_loader(board)?) } else { None };
             let is_rp2040 = RP2040.contains(&board);
-            tools::built(if is_rp2040 { write_uf2(&image)? } else { write_flat(&image, boot.as_deref())? })?;
+            // The boot loader is the beginning.
+            let all: Vec<&Path> = boot.as_deref().into_iter().chain([image.as_path()]).collect();
+            tools::built(if is_rp2040 { write_uf2(&image, &all)? } else { write_flat(&image, &all)? })?;
             update::write(&image)?.map_or(Ok(()), tools::built)
         }
         _ => Ok(()),
@@ -159,7 +161,7 @@ pub(crate) fn run(board: &str, subcommand: &str, arguments: &[String]) -> Outcom
 
 /// Whether a board's package has a boot loader beside the program.
 fn has_boot_loader(board: &str) -> bool {
-    board.starts_with("nucleo_")
+    board.starts_with("nucleo_") || RP2040.contains(&board)
 }
 
 /// Writes the boot loader into a board's flash by probe-rs, which the board's `.cargo/config.toml` names for the program.
@@ -172,18 +174,19 @@ fn flash_boot_loader(board: &str) -> Outcome {
     tools::run(probe.args(runner.split_whitespace()).arg(boot_loader(board)?))
 }
 
-/// Writes the flash contents beside an image as a flat binary, for tools that do not read ELF; the boot loader is its beginning.
-fn write_flat(image: &Path, boot: Option<&Path>) -> Outcome<PathBuf> {
-    let (_, flat) = flat(&boot.into_iter().chain([image]).collect::<Vec<_>>())?;
+/// Writes the flash contents of `all` beside an image as a flat binary, for tools that do not read ELF.
+fn write_flat(image: &Path, all: &[&Path]) -> Outcome<PathBuf> {
+    let (_, flat) = flat(all)?;
     written(image.with_extension("bin"), &flat)
 }
 
-/// Writes the flash contents beside an image as a UF2 file (github.com/microsoft/uf2): blocks of 512 bytes with a page of 256 each.
-fn write_uf2(image: &Path) -> Outcome<PathBuf> {
+/// Writes the flash contents of `all` beside an image as a UF2 file (github.com/microsoft/uf2): blocks of 512 bytes with a page of 256
+/// each.
+fn write_uf2(image: &Path, all: &[&Path]) -> Outcome<PathBuf> {
     const HAS_FAMILY: u32 = 0x2000;
     const FAMILY: u32 = 0xe48b_ff56;
     const PAGE_BYTES: u32 = 256;
-    let (first, flat) = flat(&[image])?;
+    let (first, flat) = flat(all)?;
     let pages = flat.chunks(PAGE_BYTES as usize);
     let count = pages.len() as u32;
     let mut file = Vec::new();

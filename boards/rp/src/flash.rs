@@ -2,13 +2,12 @@
 //! each of the 32 sectors of 4 KiB that the store erases as one (400 ms at worst). Tasks run in between; DMA and the PIOs go on.
 
 use embassy_futures::yield_now;
-use embassy_rp::flash::{Blocking, ERASE_SIZE, Error, Flash};
-use embassy_rp::peripherals::FLASH;
+use embassy_rp::flash::Error;
+use embedded_storage::nor_flash::{NorFlash as _, ReadNorFlash as _};
 use embedded_storage_async::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
 use mobgate_flash::{TEXT_BYTES_MAX, text_bytes_max};
+use mobgate_rp_boot::flash::{Chip, FLASH_BYTES};
 
-/// Bytes of the flash: 16 Mbit, as on a Pico and a W5500-EVB-Pico.
-pub(crate) const FLASH_BYTES: usize = 2 * 1024 * 1024;
 /// What the store takes as a sector: two copies of the longest settings.
 const SECTOR_BYTES: usize = 128 * 1024;
 /// Offset of the settings: the end of the flash. `regions.x` keeps the program out of them.
@@ -16,21 +15,18 @@ pub(crate) const SETTINGS_START: u32 = (FLASH_BYTES - 2 * SECTOR_BYTES) as u32;
 
 const _: () = assert!(text_bytes_max::<SettingsFlash>() == TEXT_BYTES_MAX, "the longest settings fit");
 
-/// The flash's driver.
-pub(crate) type BoardFlash = Flash<'static, FLASH, Blocking, FLASH_BYTES>;
-
 /// The flash for the settings' store.
-pub(crate) struct SettingsFlash(pub(crate) BoardFlash);
+pub(crate) struct SettingsFlash(pub(crate) Chip);
 
 impl ErrorType for SettingsFlash {
     type Error = Error;
 }
 
 impl ReadNorFlash for SettingsFlash {
-    const READ_SIZE: usize = 1;
+    const READ_SIZE: usize = Chip::READ_SIZE;
 
     async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), Error> {
-        self.0.blocking_read(offset, bytes)
+        self.0.read(offset, bytes)
     }
 
     fn capacity(&self) -> usize {
@@ -39,17 +35,17 @@ impl ReadNorFlash for SettingsFlash {
 }
 
 impl NorFlash for SettingsFlash {
-    const WRITE_SIZE: usize = embassy_rp::flash::WRITE_SIZE;
+    const WRITE_SIZE: usize = Chip::WRITE_SIZE;
     const ERASE_SIZE: usize = SECTOR_BYTES;
 
     async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), Error> {
-        self.0.blocking_write(offset, bytes)
+        self.0.write(offset, bytes)
     }
 
     /// The first sector, with the store's marks, goes first: what a power cut leaves is erased again.
     async fn erase(&mut self, from: u32, to: u32) -> Result<(), Error> {
-        for sector in (from..to).step_by(ERASE_SIZE) {
-            self.0.blocking_erase(sector, sector + ERASE_SIZE as u32)?;
+        for sector in (from..to).step_by(Chip::ERASE_SIZE) {
+            self.0.erase(sector, sector + Chip::ERASE_SIZE as u32)?;
             yield_now().await;
         }
         Ok(())

@@ -5,16 +5,13 @@ use core::fmt::Write;
 use embassy_executor::Spawner;
 use embassy_net::Runner;
 use embassy_rp::dma::{self, Channel};
-use embassy_rp::flash::Flash;
 use embassy_rp::gpio::{Input, Level, Output, Pull};
 use embassy_rp::peripherals as p;
 use embassy_rp::pio::{self, Pio};
 use embassy_rp::spi::{self, Spi};
 use embassy_rp::usb;
-use embassy_rp::watchdog::Watchdog;
 use embassy_rp::{Peripherals, bind_interrupts, pac};
 use embassy_sync::mutex::Mutex;
-use embassy_time::Duration;
 use embedded_hal_bus::spi::ExclusiveDevice;
 use mobgate::hal::NoUpdate;
 use mobgate_firmware::gateway::PORTS;
@@ -22,6 +19,7 @@ use mobgate_firmware::lines::{LINES, Lines, SharedLine};
 use mobgate_firmware::network::Network;
 use mobgate_firmware::system::Board;
 use mobgate_firmware::{console as terminal, gateway, network, start as settings, watchdog};
+use mobgate_rp_boot::flash::UNIQUE_BYTES;
 use static_cell::{ConstStaticCell, StaticCell};
 
 use crate::console::{self, Console};
@@ -32,12 +30,8 @@ use crate::line::{LineInterrupt, Pins, PioLine, RING_CHARACTERS, Ring};
 use crate::program::Programs;
 use crate::start;
 
-/// Reset after this time without feeding: nearly the most (8.3 s). Erasing a sector of the flash takes 0.4 s at worst.
-const WATCHDOG: Duration = Duration::from_secs(8);
 /// The W5500 allows 33 MHz.
 const SPI_HZ: u32 = 31_250_000;
-/// Bytes of the flash's unique number.
-const UNIQUE_BYTES: usize = 8;
 
 bind_interrupts!(struct Interrupts {
     PIO0_IRQ_0 => pio::InterruptHandler<p::PIO0>;
@@ -73,18 +67,15 @@ macro_rules! line {
 
 /// Runs the gateway on the board `name`.
 pub async fn run(spawner: Spawner, name: &'static str, p: Peripherals) -> ! {
-    let mut watchdog = Watchdog::new(p.WATCHDOG);
     let cause = start::cause();
-    // Before anything that may hang.
-    watchdog.start(WATCHDOG);
+    // Before anything that may hang; the boot loader has started it, unless a debugger started the program.
+    mobgate_rp_boot::watchdog::start();
     let mut light = Light(Output::new(p.PIN_25, Level::Low));
     // Pressed, it connects the pin to ground.
     let button = Input::new(p.PIN_22, Pull::Up);
     let forget = settings::is_held(|| button.is_low(), &mut light).await;
-    let mut flash = Flash::new_blocking(p.FLASH);
-    let mut unique = [0; UNIQUE_BYTES];
-    // A command to the flash, which cannot fail on the first core.
-    let _ = flash.blocking_unique_id(&mut unique);
+    let mut flash = mobgate_rp_boot::flash::Chip::new(p.FLASH);
+    let unique = flash.unique();
 
     let (mut pio0, mut pio1) = (Pio::new(p.PIO0, Interrupts), Pio::new(p.PIO1, Interrupts));
     let (programs0, programs1) = (Programs::load(&mut pio0.common), Programs::load(&mut pio1.common));
@@ -118,7 +109,7 @@ pub async fn run(spawner: Spawner, name: &'static str, p: Peripherals) -> ! {
     let address = mobgate_board::ethernet_address(&unique);
     let (driver, state) = LateEthernet::new(address);
     let (network, runner) = network::start(spawner, driver, &unique);
-    let board = Board::new(name, network, cause, start::restart);
+    let board = Board::new(name, network, cause, mobgate_rp_boot::restart);
     gateway::start(spawner, network);
     // Each pool has room for the tasks spawned here, and this runs once: no `unwrap` can fail.
     spawner.spawn(stack(runner).unwrap());
@@ -129,7 +120,7 @@ pub async fn run(spawner: Spawner, name: &'static str, p: Peripherals) -> ! {
     let (port, device) = console::new(usb::Driver::new(p.USB, Interrupts), name, serial(&unique));
     spawner.spawn(console::run(device).unwrap());
     spawner.spawn(serve(board, port, SettingsFlash(flash), forget).unwrap());
-    watchdog::watch(|| watchdog.feed(WATCHDOG), &mut light, network).await
+    watchdog::watch(mobgate_rp_boot::watchdog::feed, &mut light, network).await
 }
 
 /// The unique number in hexadecimal.

@@ -1,4 +1,4 @@
-//! Why the chip started, and how it starts again: panics and faults are recorded for `show log` first.
+//! Why the chip started, and what ends a run: panics and faults are recorded for `show log`.
 
 use core::arch::asm;
 use core::panic::PanicInfo;
@@ -6,16 +6,7 @@ use core::panic::PanicInfo;
 use cortex_m_rt::{ExceptionFrame, exception};
 use embassy_rp::pac;
 use mobgate_faults::{Fault, note};
-
-/// Starts the chip again, all of it but its oscillators. The RAM keeps its contents.
-pub(crate) fn restart() -> ! {
-    // PSM.WDSEL: bits 0 and 1 are the oscillators (RP2040 data sheet, 2.13.5).
-    pac::PSM.wdsel().write(|reset| reset.0 = 0x1fffc);
-    pac::WATCHDOG.ctrl().write(|control| control.set_trigger(true));
-    loop {
-        cortex_m::asm::nop();
-    }
-}
+use mobgate_rp_boot::restart;
 
 /// The cause of the chip's reset.
 pub(crate) fn cause() -> &'static str {

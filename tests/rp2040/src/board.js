@@ -10,11 +10,14 @@ const BUTTON = 22;
 const HARD_FAULT = 3;
 /** RP2040 data sheet 4.7.6, REASON. */
 const TIMER = 1, FORCE = 2;
+/** The power fails. */
+const POWER = 4;
 
 export class Board {
   /** A board whose flash holds the UF2 file `image`. */
   constructor(image) {
     this.flash = new Flash();
+    this.flash.onFail = () => { this.pending = POWER; };
     loadUf2(image, this.flash.bytes);
     /** Devices at the pins: called after each start with the new chip. */
     this.devices = [];
@@ -49,6 +52,8 @@ export class Board {
     chip.flash16 = new Uint16Array(chip.flash.buffer);
     chip.flashView = new DataView(chip.flash.buffer);
     if (ram) chip.sram.set(ram);
+    // From the ring oscillator, until the program has chosen another clock.
+    chip.updateClocks();
     this.flash.attach(chip);
     loadRom(chip, this);
     const watchdog = chip.peripherals[0x40058];
@@ -92,6 +97,11 @@ export class Board {
     this.chip.gpio[BUTTON].setInputValue(true);
   }
 
+  /** The power fails for a moment. */
+  powerCycle() {
+    this.start(undefined, 0);
+  }
+
   /** Raises a HardFault at `address`. */
   fault(address) {
     this.chip.core.waiting = false;
@@ -111,20 +121,20 @@ export class Board {
     const end = this.seconds + seconds;
     for (;;) {
       const { core } = this.chip;
-      const nanosPerCycle = NANOS_PER_SECOND / this.chip.clkSys;
       for (let n = 0; n < 500; n++) {
         if (core.waiting || this.held) {
           // A nanosecond more: sums of fractions may fall short of the alarm.
           this.clock.tick(Math.min(this.clock.nextAlarm ? this.clock.nanosToNextAlarm + 1 : 1e5, 1e6));
           if (n > 50) break;
         } else {
-          this.clock.tick(core.executeInstruction() * nanosPerCycle);
+          this.clock.tick(core.executeInstruction() * NANOS_PER_SECOND / this.chip.clkSys);
         }
         if (this.pending) break;
       }
       if (this.pending) {
         this.restarts.push({ seconds: this.seconds, reason: this.pending });
-        this.start(this.chip.sram, this.pending);
+        if (this.pending === POWER) this.powerCycle();
+        else this.start(this.chip.sram, this.pending);
       }
       if (until()) return true;
       if (this.seconds >= end) return false;

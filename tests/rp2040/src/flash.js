@@ -13,7 +13,10 @@ export class Flash {
     // rp2040js maps 16 MiB. What is beyond this chip's flash is looked at after a test.
     this.bytes = new Uint8Array(16 * 1024 * 1024).fill(0xff);
     this.erases = 0;
-    this.programs = 0;
+    this.operations = 0;
+    /** Operations until the power fails. */
+    this.left = Infinity;
+    this.onFail = () => {};
     this.faults = [];
     /** Whether the chip can execute from it. */
     this.mapped = true;
@@ -21,6 +24,7 @@ export class Flash {
 
   attach(chip) {
     this.mapped = true;
+    this.powered = true;
     const ssi = chip.peripherals[0x18000];
     const [read, write] = [ssi.readUint32.bind(ssi), ssi.writeUint32.bind(ssi)];
     let command, read_so_far;
@@ -36,19 +40,41 @@ export class Flash {
     };
   }
 
+  /** The power fails in the middle of operation `nth` from now; `anything` gives what is left in a byte. */
+  failAt(nth, anything) {
+    Object.assign(this, { left: nth, anything });
+  }
+
+  /** Counts an operation, an erase of a sector or a page that is programmed; says whether the power fails in it. */
+  fails() {
+    this.operations++;
+    this.powered = this.left-- !== 0;
+    if (!this.powered) this.onFail();
+    return !this.powered;
+  }
+
   /** Erases; returns the time it takes. */
   erase(address, length) {
     if (address % SECTOR || length % SECTOR || address + length > BYTES) this.faults.push(`erase ${address}+${length}`);
-    this.bytes.fill(0xff, address, address + length);
-    this.erases += length / SECTOR;
+    for (let at = address; at < address + length && this.powered; at += SECTOR) {
+      const sector = this.bytes.subarray(at, at + SECTOR);
+      // Its bits are cleared before they are set: what is left may be anything.
+      if (this.fails()) sector.forEach((_, n) => { sector[n] = this.anything(); });
+      else sector.fill(0xff);
+      this.erases++;
+    }
     return length / SECTOR * ERASE_NANOS;
   }
 
   /** Programs; returns the time it takes. */
   program(address, bytes) {
     if (address % PAGE || bytes.length % PAGE || address + bytes.length > BYTES) this.faults.push(`program ${address}+${bytes.length}`);
-    bytes.forEach((byte, n) => { this.bytes[address + n] &= byte; });
-    this.programs += bytes.length / PAGE;
+    for (let at = 0; at < bytes.length && this.powered; at += PAGE) {
+      const fails = this.fails();
+      bytes.subarray(at, at + PAGE).forEach((byte, n) => {
+        this.bytes[address + at + n] &= fails ? byte | this.anything() : byte;
+      });
+    }
     return bytes.length / PAGE * PROGRAM_NANOS;
   }
 }

@@ -2,6 +2,8 @@
 // While the flash is not mapped the program must run from elsewhere, with interrupts off.
 
 const LOOKUP = 0x100;
+/** The ROM talks to the flash bit by bit, at a sixth of the system clock; before that it waits for pull-ups (its source: BAUDR, `flash_exit_xip`). */
+const CLOCKS_PER_BYTE = 8 * 6, CLOCKS_OF_EXIT = 2 * 2048 * 3;
 const FUNCTIONS = ['lookup', 'IF', 'EX', 'RE', 'RP', 'FC', 'CX', 'C4', 'MC', 'MS', 'S4'];
 
 export function loadRom(chip, board) {
@@ -21,6 +23,7 @@ export function loadRom(chip, board) {
     if (inFlash(core.LR)) flash.faults.push('called from the flash');
     board.clock.tick(nanos);
   };
+  const clocks = (count) => count * 1e9 / chip.clkSys;
   const copy = (to, from, count) => {
     for (let n = 0; n < count; n++) chip.writeUint8(to + n, chip.readUint8(from + n));
   };
@@ -32,11 +35,11 @@ export function loadRom(chip, board) {
       return (LOOKUP + number * 4) | 1;
     },
     IF() {},
-    EX() { flash.mapped = false; },
+    EX() { flash.mapped = false; board.clock.tick(clocks(CLOCKS_OF_EXIT)); },
     RE([address, count]) { stall(flash.erase(address, count)); },
     RP([address, data, count]) {
       const bytes = Uint8Array.from({ length: count }, (_, n) => chip.readUint8(data + n));
-      stall(flash.program(address, bytes));
+      stall(flash.program(address, bytes) + clocks(count * CLOCKS_PER_BYTE));
     },
     FC() { flash.mapped = true; },
     CX() { flash.mapped = true; },

@@ -230,6 +230,20 @@ fn ports_and_rules_are_shown_as_tables_with_a_header() {
     });
 }
 
+/// Logs that unit 7 did not respond.
+fn push_exception(gateway: &Gateway<'_>, at: embassy_time::Instant) {
+    gateway.log().push(LogEntry {
+        at,
+        source: PortId(2),
+        destination: Some(PortId(0)),
+        unit: 107,
+        target: 7,
+        function: 3,
+        outcome: Outcome::Exception(Exception::GATEWAY_NO_RESPONSE),
+        took_us: 300_500,
+    });
+}
+
 #[test]
 fn counters_units_and_transactions_are_shown_and_cleared() {
     with_gateway(|gateway| {
@@ -240,16 +254,7 @@ fn counters_units_and_transactions_are_shown_and_cleared() {
         let now = embassy_time::Instant::now();
         place.units(|units| units.asked(7));
         place.units(|units| units.timed_out(7, now, 3));
-        gateway.log().push(LogEntry {
-            at: now,
-            source: PortId(2),
-            destination: Some(PortId(0)),
-            unit: 107,
-            target: 7,
-            function: 3,
-            outcome: Outcome::Exception(Exception::GATEWAY_NO_RESPONSE),
-            took_us: 300_500,
-        });
+        push_exception(gateway, now);
         let stats = pipe(gateway, "show stats");
         assert!(stats.starts_with("PORT            EVENT              COUNT PER-MINUTE\n"), "{stats}");
         assert!(stats.contains("P1              requests               1 "), "{stats}");

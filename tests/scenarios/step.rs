@@ -21,7 +21,7 @@ pub(crate) enum Step {
     LastError { port: String, error: String },
     /// `show units has: 5 up ... 6 down`; `show units has no: down`
     Shows { command: String, phrases: String, not: bool },
-    /// `16 times: scada asks ...; scada gets ...`
+    /// `16 times: scada asks ... -> ...; plc sends ...`; an exchange is once a question and its answer.
     Times(usize, Vec<Step>),
     /// `100 clients come and go on 502`
     Crowd { count: usize, port: u16 },
@@ -53,8 +53,8 @@ pub(crate) enum OfUnit {
     Saw(u64),
     /// `was asked 03 0000 0001, 06 0007 0063`, `was asked nothing`: since this was looked at last.
     WasAsked(Vec<Vec<u8>>),
-    /// `executed 1 writes`; `executed 2 writes, the last 06 0007 0063`
-    Executed(usize, Option<Vec<u8>>),
+    /// `executed 1 write`; `executed 3 writes, the last 06 0007 0063, 05 0003 FF00`
+    Executed(usize, Vec<Vec<u8>>),
     /// `heard 0 gaps` within frames
     HeardGaps(u64),
     /// `holds 1234 at 7`
@@ -172,6 +172,10 @@ pub(crate) fn step(line: &str) -> Result<Step, String> {
     if let Some((count, repeated)) = line.split_once(" times: ") {
         return Ok(Step::Times(number(count)?, repeated.split("; ").map(step).collect::<Result<_, _>>()?));
     }
+    if let Some((question, answer)) = line.split_once(" -> ") {
+        let client = question.split(' ').next().unwrap_or_default();
+        return Ok(Step::Times(1, vec![step(question)?, step(&format!("{client} gets {answer}"))?]));
+    }
     let words: Vec<&str> = line.split_whitespace().collect();
     Ok(match &words[..] {
         ["wait", time] => Step::Wait(duration(time)?),
@@ -235,20 +239,22 @@ fn of_unit(words: &[&str]) -> Result<OfUnit, String> {
         [":", "register", address, "=", value] => OfUnit::Set(number(address)?, number(value)?),
         [":", fault @ ..] => OfUnit::Faults(vec![fault.join(" ")]),
         ["was", "asked", "nothing"] => OfUnit::WasAsked(Vec::new()),
-        ["was", "asked", pdus @ ..] => {
-            let pdus = pdus.join(" ");
-            let pdu = |words: &str| bytes(&words.split_whitespace().collect::<Vec<_>>());
-            OfUnit::WasAsked(pdus.split(',').map(pdu).collect::<Result<_, _>>()?)
-        }
+        ["was", "asked", listed @ ..] => OfUnit::WasAsked(pdus(listed)?),
         ["saw", count, "request" | "requests"] => OfUnit::Saw(number(count)?),
-        ["executed", count, "write" | "writes"] => OfUnit::Executed(number(count)?, None),
-        ["executed", count, "write," | "writes,", "the", "last", pdu @ ..] => {
-            OfUnit::Executed(number(count)?, Some(bytes(pdu)?))
+        ["executed", count, "write" | "writes"] => OfUnit::Executed(number(count)?, Vec::new()),
+        ["executed", count, "write," | "writes,", "the", "last", listed @ ..] => {
+            OfUnit::Executed(number(count)?, pdus(listed)?)
         }
         ["heard", count, "gap" | "gaps"] => OfUnit::HeardGaps(number(count)?),
         ["holds", value, "at", address] => OfUnit::Holds(number(value)?, number(address)?),
         _ => return Err("a unit has a fault, saw requests, executed writes or holds values".to_owned()),
     })
+}
+
+/// PDUs with commas between them.
+fn pdus(words: &[&str]) -> Result<Vec<Vec<u8>>, String> {
+    let pdu = |words: &str| bytes(&words.split_whitespace().collect::<Vec<_>>());
+    words.join(" ").split(',').map(pdu).collect()
 }
 
 fn of_server(words: &[&str]) -> Result<OfServer, String> {

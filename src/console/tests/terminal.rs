@@ -63,16 +63,7 @@ fn busy(gateway: &Gateway<'_>) {
         place.units(|units| units.asked(247));
     }
     place.units(|units| units.timed_out(247, now, 1));
-    gateway.log().push(LogEntry {
-        at: now,
-        source: PortId(2),
-        destination: Some(PortId(0)),
-        unit: 107,
-        target: 7,
-        function: 3,
-        outcome: Outcome::Exception(Exception::GATEWAY_NO_RESPONSE),
-        took_us: 300_500,
-    });
+    push_exception(gateway, now);
 }
 
 const TABLES: [&str; 8] = ["ports", "routes", "units", "clients", "stats", "log", "points", "registers"];

@@ -104,9 +104,9 @@ impl Stage<'_, '_, '_> {
             OfUnit::Executed(count, last) => {
                 let writes = device.writes();
                 equal("writes executed", writes.len(), *count)?;
-                let is = writes.last().map(|write| &write.pdu);
-                if last.is_some() && is != last.as_ref() {
-                    return Err(format!("the last is {is:02X?}"));
+                let pdus: Vec<_> = writes.into_iter().map(|write| write.pdu).collect();
+                if !pdus.ends_with(last) {
+                    return Err(format!("they are {pdus:02X?}"));
                 }
             }
             OfUnit::Answers(pdu) => device.set_response(pdu),

@@ -13,37 +13,23 @@ use mobgate::settings::{PORTS_MAX, ROUTES_MAX, Settings};
 use mobgate_clock as _;
 use mobgate_flash::{FlashStore, Image, SharedStore, TEXT_BYTES_MAX, text_bytes_max};
 use mobgate_simulator::flash::{PowerCut, SimFlash};
+use mobgate_simulator::power_cuts::{read, save};
 
 /// As in an STM32H743: 32-byte words, sectors of 128 KiB.
 type Flash = SimFlash<32, { 128 * 1024 }>;
 
-fn read(store: &mut impl Store) -> Result<Vec<u8>, StoreError> {
-    let (mut text, mut chunk) = (Vec::new(), [0; 100]);
-    loop {
-        match block_on(store.read(text.len(), &mut chunk))? {
-            0 => return Ok(text),
-            count => text.extend_from_slice(&chunk[..count]),
-        }
-    }
-}
-
-fn save(store: &mut impl Store, text: &[u8]) -> Result<(), StoreError> {
-    block_on(async {
-        for line in text.chunks(77) {
-            store.append(line).await?;
-        }
-        store.commit().await
-    })
+fn open<F: NorFlash + Clone>(flash: &F) -> FlashStore<F> {
+    block_on(FlashStore::open(flash.clone(), 0, Image::ONLY))
 }
 
 #[test]
 fn settings_survive_a_restart_and_a_chip_without_any_has_none() {
     let flash = Flash::new(2, 1);
-    let mut store = block_on(FlashStore::open(flash.clone(), 0, Image::ONLY));
+    let mut store = open(&flash);
     let mut settings = Settings::new();
     assert_eq!(block_on(read_store(&mut store, &mut settings, &mut |_, _, _| {})), Ok(0));
     block_on(write_store(&settings, &mut store)).unwrap();
-    let mut store = block_on(FlashStore::open(flash, 0, Image::ONLY));
+    let mut store = open(&flash);
     assert_eq!(block_on(read_store(&mut store, &mut settings, &mut |_, _, _| {})), Ok(1));
 }
 
@@ -53,19 +39,19 @@ fn the_longest_text_fits_again_and_again_and_a_longer_one_changes_nothing() {
     const MOST: usize = text_bytes_max::<Flash>();
     const { assert!(MOST >= (PORTS_MAX + ROUTES_MAX + 1) * 641 && MOST <= TEXT_BYTES_MAX) };
     let flash = Flash::new(2, 2);
-    let mut store = block_on(FlashStore::open(flash.clone(), 0, Image::ONLY));
+    let mut store = open(&flash);
     for fill in b'a'..b'h' {
         save(&mut store, &vec![fill; MOST]).unwrap();
     }
     assert_eq!(save(&mut store, &vec![b'x'; MOST + 1]), Err(StoreError::Full(MOST)));
     assert!(read(&mut store).unwrap() == vec![b'g'; MOST]);
-    let mut store = block_on(FlashStore::open(flash, 0, Image::ONLY));
+    let mut store = open(&flash);
     assert!(read(&mut store).unwrap() == vec![b'g'; MOST]);
 }
 
 #[test]
 fn a_save_that_was_given_up_is_no_part_of_the_next_one() {
-    let store = block_on(FlashStore::open(Flash::new(2, 3), 0, Image::ONLY));
+    let store = open(&Flash::new(2, 3));
     let store = Mutex::<NoopRawMutex, _>::new(store);
     let mut gone = SharedStore::new(&store);
     block_on(gone.append(b"half a ")).unwrap();
@@ -78,10 +64,10 @@ fn a_save_that_was_given_up_is_no_part_of_the_next_one() {
 #[test]
 fn what_is_damaged_is_said_to_be_and_can_be_saved_over() {
     let flash = Flash::new(2, 4);
-    save(&mut block_on(FlashStore::open(flash.clone(), 0, Image::ONLY)), b"port P1\n").unwrap();
+    save(&mut open(&flash), b"port P1\n").unwrap();
     // Zeros may be written anywhere: over the first piece, behind the marks, the map's own word and the item's header.
     block_on(flash.clone().write(4 * 32, &[0; 32])).unwrap();
-    let mut store = block_on(FlashStore::open(flash, 0, Image::ONLY));
+    let mut store = open(&flash);
     assert_eq!(read(&mut store), Err(StoreError::Damaged));
     save(&mut store, b"port P2\n").unwrap();
     assert_eq!(read(&mut store).unwrap(), b"port P2\n");
@@ -100,7 +86,7 @@ fn place_of(flash: &FineFlash, bytes: &[u8]) -> u32 {
 #[test]
 fn settings_that_are_partly_of_an_older_save_are_damaged_and_no_settings() {
     let flash = FineFlash::new(2, 5);
-    let mut store = block_on(FlashStore::open(flash.clone(), 0, Image::ONLY));
+    let mut store = open(&flash);
     for text in ["port P1 rtu\n", "port P2 rtu\n", "port P3 rtu\n"] {
         save(&mut store, text.as_bytes()).unwrap();
     }
@@ -110,22 +96,49 @@ fn settings_that_are_partly_of_an_older_save_are_damaged_and_no_settings() {
     let text = place_of(&flash, b"port P3");
     let check = (text - size_of::<u16>() as u32 - 2 * 4) & !3;
     block_on(flash.clone().write(check, &[0; 4])).unwrap();
-    let mut store = block_on(FlashStore::open(flash, 0, Image::ONLY));
+    let mut store = open(&flash);
     assert_eq!(read(&mut store), Err(StoreError::Damaged));
 }
 
-/// A flash in which one value cannot be written: a bit of it turns, and no error says so.
+/// A flash with a fault.
 #[derive(Clone)]
-struct Worn {
+struct Faulty {
     flash: FineFlash,
-    value: u8,
+    fault: Fault,
+    /// So many operations from now one fails, once.
+    left: Rc<Cell<Option<u32>>>,
 }
 
-impl ErrorType for Worn {
+#[derive(Clone, Copy, PartialEq)]
+enum Fault {
+    /// This value cannot be written: a bit of it turns, and no error says so.
+    Worn(u8),
+    /// An error correction is counted over each word, so that none may be written twice; and erasing fails.
+    Strict,
+    /// Writing fails though all has been written.
+    Doubtful,
+}
+
+impl Faulty {
+    fn new(seed: u64, fault: Fault) -> Self {
+        Self { flash: FineFlash::new(2, seed), fault, left: Rc::default() }
+    }
+
+    fn fails(&self, fault: Fault) -> Result<(), PowerCut> {
+        if self.fault != fault {
+            return Ok(());
+        }
+        let left = self.left.get();
+        self.left.set(left.and_then(|left| left.checked_sub(1)));
+        if left == Some(0) { Err(PowerCut) } else { Ok(()) }
+    }
+}
+
+impl ErrorType for Faulty {
     type Error = PowerCut;
 }
 
-impl ReadNorFlash for Worn {
+impl ReadNorFlash for Faulty {
     const READ_SIZE: usize = FineFlash::READ_SIZE;
 
     async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), PowerCut> {
@@ -137,29 +150,41 @@ impl ReadNorFlash for Worn {
     }
 }
 
-impl NorFlash for Worn {
+impl NorFlash for Faulty {
     const WRITE_SIZE: usize = FineFlash::WRITE_SIZE;
     const ERASE_SIZE: usize = FineFlash::ERASE_SIZE;
 
     async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), PowerCut> {
-        let kept = |&byte: &u8| if byte == self.value { byte ^ 1 } else { byte };
-        let written: Vec<u8> = bytes.iter().map(kept).collect();
-        self.flash.write(offset, &written).await
+        let mut written = bytes.to_vec();
+        match self.fault {
+            Fault::Worn(value) => {
+                written.iter_mut().filter(|byte| **byte == value).for_each(|byte| *byte ^= 1)
+            }
+            Fault::Strict => {
+                let mut there = vec![0; bytes.len()];
+                self.flash.read(offset, &mut there).await?;
+                assert!(there.iter().all(|&byte| byte == 0xff), "the word at {offset:#x} is written twice");
+            }
+            Fault::Doubtful => {}
+        }
+        self.flash.write(offset, &written).await?;
+        self.fails(Fault::Doubtful)
     }
 
     async fn erase(&mut self, from: u32, to: u32) -> Result<(), PowerCut> {
+        self.fails(Fault::Strict)?;
         self.flash.erase(from, to).await
     }
 }
 
 #[test]
 fn a_save_that_does_not_read_back_has_failed_and_the_old_settings_hold() {
-    let worn = Worn { flash: FineFlash::new(2, 6), value: b'~' };
-    let mut store = block_on(FlashStore::open(worn.clone(), 0, Image::ONLY));
+    let worn = Faulty::new(6, Fault::Worn(b'~'));
+    let mut store = open(&worn);
     save(&mut store, b"port good\n").unwrap();
     assert_eq!(save(&mut store, b"port ~\n"), Err(StoreError::Failed));
     assert_eq!(read(&mut store).unwrap(), b"port good\n");
-    let mut store = block_on(FlashStore::open(worn, 0, Image::ONLY));
+    let mut store = open(&worn);
     assert_eq!(read(&mut store).unwrap(), b"port good\n", "also after a restart");
     save(&mut store, b"port better\n").unwrap();
     assert_eq!(read(&mut store).unwrap(), b"port better\n");
@@ -168,7 +193,7 @@ fn a_save_that_does_not_read_back_has_failed_and_the_old_settings_hold() {
 #[test]
 fn whatever_word_is_damaged_the_settings_are_whole_or_said_to_be_damaged_and_then_can_be_saved_over() {
     let flash = FineFlash::new(2, 7);
-    let mut store = block_on(FlashStore::open(flash.clone(), 0, Image::ONLY));
+    let mut store = open(&flash);
     save(&mut store, b"port P1 rtu\n").unwrap();
     save(&mut store, b"port P2 rtu\n").unwrap();
     let mut all = vec![0; flash.capacity()];
@@ -177,7 +202,7 @@ fn whatever_word_is_damaged_the_settings_are_whole_or_said_to_be_damaged_and_the
     for word in (0..flash.capacity()).step_by(4).filter(|&word| all[word..word + 4] != [0xff; 4]) {
         let flash = flash.copy(word as u64);
         block_on(flash.clone().write(word as u32, &[0; 4])).unwrap();
-        let mut store = block_on(FlashStore::open(flash.clone(), 0, Image::ONLY));
+        let mut store = open(&flash);
         if let Ok(text) = read(&mut store) {
             let whole = [&b"port P2 rtu\n"[..], b"port P1 rtu\n", b""];
             assert!(whole.contains(&&*text), "word {word:#x}: {}", text.escape_ascii());
@@ -186,68 +211,23 @@ fn whatever_word_is_damaged_the_settings_are_whole_or_said_to_be_damaged_and_the
         damaged += 1;
         assert_eq!(read(&mut store), Err(StoreError::Damaged), "word {word:#x}");
         save(&mut store, b"port P3 rtu\n").unwrap_or_else(|error| panic!("word {word:#x}: {error:?}"));
-        let mut store = block_on(FlashStore::open(flash, 0, Image::ONLY));
+        let mut store = open(&flash);
         assert_eq!(read(&mut store).unwrap(), b"port P3 rtu\n", "word {word:#x}");
     }
     assert!(damaged > 3, "{damaged}");
 }
 
-/// A flash that counts an error correction over each word, so that none may be written twice; and whose erasing fails so often.
-#[derive(Clone)]
-struct Strict {
-    flash: FineFlash,
-    failing: Rc<Cell<u32>>,
-}
-
-impl ErrorType for Strict {
-    type Error = PowerCut;
-}
-
-impl ReadNorFlash for Strict {
-    const READ_SIZE: usize = FineFlash::READ_SIZE;
-
-    async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), PowerCut> {
-        self.flash.read(offset, bytes).await
-    }
-
-    fn capacity(&self) -> usize {
-        self.flash.capacity()
-    }
-}
-
-impl NorFlash for Strict {
-    const WRITE_SIZE: usize = FineFlash::WRITE_SIZE;
-    const ERASE_SIZE: usize = FineFlash::ERASE_SIZE;
-
-    async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), PowerCut> {
-        let mut there = vec![0; bytes.len()];
-        self.flash.read(offset, &mut there).await?;
-        assert!(there.iter().all(|&byte| byte == 0xff), "the word at {offset:#x} is written twice");
-        self.flash.write(offset, bytes).await
-    }
-
-    async fn erase(&mut self, from: u32, to: u32) -> Result<(), PowerCut> {
-        match self.failing.get() {
-            0 => self.flash.erase(from, to).await,
-            left => {
-                self.failing.set(left - 1);
-                Err(PowerCut)
-            }
-        }
-    }
-}
-
 #[test]
 fn after_an_erase_that_failed_no_word_is_written_twice_and_the_next_save_succeeds() {
-    let strict = Strict { flash: FineFlash::new(2, 8), failing: Rc::new(Cell::new(0)) };
-    let mut store = block_on(FlashStore::open(strict.clone(), 0, Image::ONLY));
+    let strict = Faulty::new(8, Fault::Strict);
+    let mut store = open(&strict);
     let mut failed = 0;
     for nth in 0..40 {
-        strict.failing.set(1);
+        strict.left.set(Some(0));
         let text = [b'a' + nth % 26; 900];
         if save(&mut store, &text).is_err() {
             failed += 1;
-            assert_eq!(strict.failing.get(), 0, "the erase");
+            assert_eq!(strict.left.get(), None, "the erase");
             save(&mut store, &text).unwrap();
         }
         assert!(read(&mut store).unwrap() == text, "save {nth}");
@@ -255,58 +235,19 @@ fn after_an_erase_that_failed_no_word_is_written_twice_and_the_next_save_succeed
     assert!(failed > 2, "{failed}");
 }
 
-/// A flash whose writing fails once, `left` writes from now, though all has been written.
-#[derive(Clone)]
-struct Doubtful {
-    flash: FineFlash,
-    left: Rc<Cell<Option<u32>>>,
-}
-
-impl ErrorType for Doubtful {
-    type Error = PowerCut;
-}
-
-impl ReadNorFlash for Doubtful {
-    const READ_SIZE: usize = FineFlash::READ_SIZE;
-
-    async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), PowerCut> {
-        self.flash.read(offset, bytes).await
-    }
-
-    fn capacity(&self) -> usize {
-        self.flash.capacity()
-    }
-}
-
-impl NorFlash for Doubtful {
-    const WRITE_SIZE: usize = FineFlash::WRITE_SIZE;
-    const ERASE_SIZE: usize = FineFlash::ERASE_SIZE;
-
-    async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), PowerCut> {
-        self.flash.write(offset, bytes).await?;
-        let left = self.left.get();
-        self.left.set(left.and_then(|left| left.checked_sub(1)));
-        if left == Some(0) { Err(PowerCut) } else { Ok(()) }
-    }
-
-    async fn erase(&mut self, from: u32, to: u32) -> Result<(), PowerCut> {
-        self.flash.erase(from, to).await
-    }
-}
-
 #[test]
 fn after_a_save_that_failed_the_settings_are_those_of_the_next_start() {
     let (mut failed, mut old) = (0, 0);
     for left in 0.. {
-        let doubtful = Doubtful { flash: FineFlash::new(2, 9), left: Rc::default() };
-        let mut store = block_on(FlashStore::open(doubtful.clone(), 0, Image::ONLY));
+        let doubtful = Faulty::new(9, Fault::Doubtful);
+        let mut store = open(&doubtful);
         save(&mut store, b"port old\n").unwrap();
         doubtful.left.set(Some(left));
         if save(&mut store, b"port new\n").is_ok() {
             break;
         }
         let now = read(&mut store).unwrap();
-        let mut store = block_on(FlashStore::open(doubtful, 0, Image::ONLY));
+        let mut store = open(&doubtful);
         assert_eq!(read(&mut store).unwrap(), now, "write {left}");
         failed += 1;
         old += u32::from(now == b"port old\n");

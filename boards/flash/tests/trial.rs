@@ -1,11 +1,12 @@
 //! Settings saved while an image is on trial: they are the settings once it is confirmed, and gone if it goes back.
 
 use embassy_futures::block_on;
-use mobgate::hal::{Store, StoreError};
+use mobgate::hal::StoreError;
 use mobgate_clock as _;
 use mobgate_flash::{FlashStore, Image};
+use mobgate_simulator::Random;
 use mobgate_simulator::flash::{SimFlash, Torn};
-use mobgate_simulator::{Random, power_cuts::text};
+use mobgate_simulator::power_cuts::{read, save, text};
 
 type Flash = SimFlash<32, { 4 * 1024 }>;
 
@@ -15,25 +16,6 @@ const CONFIRMED: Image = Image { id: 2, confirmed: true };
 
 fn open(flash: &Flash, image: Image) -> FlashStore<Flash> {
     block_on(FlashStore::open(flash.clone(), 0, image))
-}
-
-fn read(store: &mut impl Store) -> Result<Vec<u8>, StoreError> {
-    let (mut text, mut chunk) = (Vec::new(), [0; 64]);
-    loop {
-        match block_on(store.read(text.len(), &mut chunk))? {
-            0 => return Ok(text),
-            count => text.extend_from_slice(&chunk[..count]),
-        }
-    }
-}
-
-fn save(store: &mut impl Store, text: &[u8]) -> Result<(), StoreError> {
-    block_on(async {
-        for line in text.chunks(61) {
-            store.append(line).await?;
-        }
-        store.commit().await
-    })
 }
 
 /// A flash with the settings `old`, saved by the image before.

@@ -1,4 +1,4 @@
-//! Cuts the power at every step of a save, and looks at what the next start finds.
+//! Texts in a store, with a cut of the power at every step of a save, and what the next start finds.
 
 use embassy_futures::block_on;
 use mobgate::hal::{Store, StoreError};
@@ -30,35 +30,36 @@ pub fn sweep<S: Store, const WORD: usize, const SECTOR: usize>(
     (old, new): (&[u8], &[u8]),
     seed: u64,
 ) -> Tally {
+    let start = |flash: &SimFlash<WORD, SECTOR>| block_on(open(flash.clone()));
     let mut random = Random::new(seed);
     let before = SimFlash::new(2, seed);
     for nth in 0..saves {
         let text = text(old.len(), nth as u64);
-        block_on(save(&open, &before, &text)).expect("a save without a cut");
+        save(&mut start(&before), &text).expect("a save without a cut");
     }
-    block_on(save(&open, &before, old)).expect("a save without a cut");
+    save(&mut start(&before), old).expect("a save without a cut");
     let whole = before.copy(seed);
-    block_on(save(&open, &whole, new)).expect("a save without a cut");
+    save(&mut start(&whole), new).expect("a save without a cut");
 
     let mut tally = Tally::default();
     for cut in 0..=whole.steps() - before.steps() {
         for torn in Torn::ALL {
             let flash = before.copy(random.bits());
             flash.cut_after(cut, torn);
-            let done = block_on(save(&open, &flash, new)).is_ok();
+            let done = save(&mut start(&flash), new).is_ok();
             flash.cut_after(random.within(0..=2), Torn::ALL[random.index(Torn::ALL.len())]);
             // This start ends by a cut, or not.
-            let _ = block_on(load(&open, &flash));
+            let _ = read(&mut start(&flash));
             flash.power_on();
             tally.cuts += 1;
-            match block_on(load(&open, &flash)) {
+            match read(&mut start(&flash)) {
                 Ok(text) if text == new => tally.new += 1,
                 Ok(text) if text == old && !done => tally.old += 1,
                 _ => tally.garbage += 1,
             }
             let next = text(new.len(), cut);
-            let saved = block_on(save(&open, &flash, &next));
-            tally.stuck += u64::from(saved.is_err() || block_on(load(&open, &flash)) != Ok(next));
+            let saved = save(&mut start(&flash), &next);
+            tally.stuck += u64::from(saved.is_err() || read(&mut start(&flash)) != Ok(next));
         }
     }
     tally
@@ -70,27 +71,21 @@ pub fn text(length: usize, seed: u64) -> Vec<u8> {
     (0..length).map(|_| random.byte()).collect()
 }
 
-async fn save<S: Store, const WORD: usize, const SECTOR: usize>(
-    open: &impl AsyncFn(SimFlash<WORD, SECTOR>) -> S,
-    flash: &SimFlash<WORD, SECTOR>,
-    text: &[u8],
-) -> Result<(), StoreError> {
-    let mut store = open(flash.clone()).await;
-    // In lines of some length, as settings are.
-    for line in text.chunks(61) {
-        store.append(line).await?;
-    }
-    store.commit().await
+/// Saves `text` in lines of some length, as settings are.
+pub fn save(store: &mut impl Store, text: &[u8]) -> Result<(), StoreError> {
+    block_on(async {
+        for line in text.chunks(61) {
+            store.append(line).await?;
+        }
+        store.commit().await
+    })
 }
 
-async fn load<S: Store, const WORD: usize, const SECTOR: usize>(
-    open: &impl AsyncFn(SimFlash<WORD, SECTOR>) -> S,
-    flash: &SimFlash<WORD, SECTOR>,
-) -> Result<Vec<u8>, StoreError> {
-    let mut store = open(flash.clone()).await;
+/// All of the text that `store` has.
+pub fn read(store: &mut impl Store) -> Result<Vec<u8>, StoreError> {
     let (mut text, mut chunk) = (Vec::new(), [0; 64]);
     loop {
-        match store.read(text.len(), &mut chunk).await? {
+        match block_on(store.read(text.len(), &mut chunk))? {
             0 => return Ok(text),
             count => text.extend_from_slice(&chunk[..count]),
         }

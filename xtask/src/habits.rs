@@ -9,14 +9,18 @@ use crate::tools::{Outcome, built, cargo, command, output, program, read, root, 
 /// Packages of tests/ that are workspaces of their own.
 const TESTS: [&str; 2] = ["tests/fuzz", "tests/stm32"];
 
+/// Folders of boards/ and tests/ that have this file, in the order of their names.
+fn folders_with(file: &str) -> Outcome<Vec<PathBuf>> {
+    let boards = root().join("boards").read_dir().map_err(|error| format!("boards/: {error}"))?;
+    let folders = boards.flatten().map(|entry| entry.path()).chain(TESTS.map(|folder| root().join(folder)));
+    let mut with: Vec<PathBuf> = folders.filter(|folder| folder.join(file).exists()).collect();
+    with.sort();
+    Ok(with)
+}
+
 /// Folders of boards/ and tests/ with their own workspace.
 pub(crate) fn workspaces() -> Outcome<Vec<PathBuf>> {
-    let boards = root().join("boards").read_dir().map_err(|error| format!("boards/: {error}"))?;
-    let tests = TESTS.map(|folder| root().join(folder));
-    let folders = boards.flatten().map(|entry| entry.path()).chain(tests);
-    let mut own: Vec<PathBuf> = folders.filter(|folder| folder.join("Cargo.lock").exists()).collect();
-    own.sort();
-    Ok(own)
+    folders_with("Cargo.lock")
 }
 
 /// Checks licences, bans and sources of all crates, in the workspace and each board: see deny.toml.
@@ -66,10 +70,7 @@ pub(crate) fn rust_version() -> Outcome {
 /// Checks the formatting of all packages, lints and docs of the workspace's, the editor's projects, and the Rust version.
 pub(crate) fn lint() -> Outcome {
     run(&mut command("cargo", &["fmt", "--all", "--check"]))?;
-    let boards =
-        root().join("boards").read_dir().map_err(|error| error.to_string())?.flatten().map(|of| of.path());
-    let tests = TESTS.map(|folder| root().join(folder));
-    for package in boards.chain(tests).filter(|folder| folder.join("Cargo.toml").exists()) {
+    for package in folders_with("Cargo.toml")? {
         run(command("cargo", &["fmt", "--check"]).current_dir(&package))
             .map_err(|error| format!("{}: {error}", package.display()))?;
     }

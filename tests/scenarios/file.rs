@@ -17,7 +17,8 @@ pub(crate) struct File {
     bus: Option<BTreeMap<String, Bus>>,
     server: Option<BTreeMap<SocketAddr, Server>>,
     client: Option<BTreeMap<String, Client>>,
-    case: Vec<Table>,
+    /// By name.
+    case: BTreeMap<String, Table>,
 }
 
 /// The gateway's settings and its surroundings. What a case says replaces what the file says, table by table.
@@ -35,7 +36,6 @@ pub(crate) struct Setup {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct CaseText {
-    name: String,
     steps: String,
     settings: Option<String>,
     /// Lines behind those of the file.
@@ -155,30 +155,28 @@ impl File {
     /// The cases; one with a table `each` is a case for each of its rows.
     pub(crate) fn cases(&self) -> Result<Vec<Case>, toml::de::Error> {
         let mut cases = Vec::new();
-        for case in &self.case {
+        for (name, case) in &self.case {
             let mut case = case.clone();
             let each =
                 case.remove("each").map_or_else(|| Ok(vec![Table::new()]), Vec::<Table>::deserialize)?;
             for row in each.into_iter().flat_map(combinations) {
-                let mut text = CaseText::deserialize(filled(&Value::Table(case.clone()), &row))?;
+                let text = CaseText::deserialize(filled(&Value::Table(case.clone()), &row))?;
                 let told: Vec<String> = row.iter().map(|(key, value)| format!("{key} {value}")).collect();
-                if !told.is_empty() {
-                    text.name = format!("{} ({})", text.name, told.join(", "));
-                }
-                cases.push(self.case(&text));
+                let told = if told.is_empty() { String::new() } else { format!(" ({})", told.join(", ")) };
+                cases.push(self.case(format!("{name}{told}"), text));
             }
         }
         Ok(cases)
     }
 
-    fn case(&self, case: &CaseText) -> Case {
+    fn case(&self, name: String, case: CaseText) -> Case {
         let setup = Setup {
-            settings: own_or_common(&case.settings, &self.settings) + &case.more_settings,
-            bus: own_or_common(&case.bus, &self.bus),
-            server: own_or_common(&case.server, &self.server),
-            client: own_or_common(&case.client, &self.client),
+            settings: own_or_common(case.settings, &self.settings) + &case.more_settings,
+            bus: own_or_common(case.bus, &self.bus),
+            server: own_or_common(case.server, &self.server),
+            client: own_or_common(case.client, &self.client),
         };
-        Case { name: case.name.clone(), steps: case.steps.clone(), setup }
+        Case { name, steps: case.steps, setup }
     }
 }
 
@@ -208,6 +206,6 @@ fn filled(value: &Value, row: &[(String, String)]) -> Value {
     }
 }
 
-fn own_or_common<T: Clone + Default>(own: &Option<T>, common: &Option<T>) -> T {
-    own.as_ref().or(common.as_ref()).cloned().unwrap_or_default()
+fn own_or_common<T: Clone + Default>(own: Option<T>, common: &Option<T>) -> T {
+    own.or_else(|| common.clone()).unwrap_or_default()
 }

@@ -15,8 +15,8 @@ pub(crate) enum Step {
     At(Duration),
     /// `console: delete port bus`; `console refuses: ...`
     Console { line: String, refused: bool },
-    /// `port bus counted 2 timeouts`
-    Counted { port: String, count: u32, event: Event },
+    /// `port bus counted 2 timeouts, 1 retries`
+    Counted { port: String, counts: Vec<(u32, Event)> },
     /// `port bus has last error bad checksum`
     LastError { port: String, error: String },
     /// `show units has: 5 up ... 6 down`; `show units has no: down`
@@ -180,10 +180,8 @@ pub(crate) fn step(line: &str) -> Result<Step, String> {
     Ok(match &words[..] {
         ["wait", time] => Step::Wait(duration(time)?),
         ["at", time] => Step::At(duration(time)?),
-        ["port", port, "counted", count, event] => {
-            let event = Event::ALL.into_iter().find(|known| known.name() == *event);
-            let event = event.ok_or("no counter has this name")?;
-            Step::Counted { port: (*port).to_owned(), count: number(count)?, event }
+        ["port", port, "counted", counts @ ..] => {
+            Step::Counted { port: (*port).to_owned(), counts: listed(counts, counted)? }
         }
         ["port", port, "has", "last", "error", error @ ..] => {
             Step::LastError { port: (*port).to_owned(), error: error.join(" ") }
@@ -239,11 +237,11 @@ fn of_unit(words: &[&str]) -> Result<OfUnit, String> {
         [":", "register", address, "=", value] => OfUnit::Set(number(address)?, number(value)?),
         [":", fault @ ..] => OfUnit::Faults(vec![fault.join(" ")]),
         ["was", "asked", "nothing"] => OfUnit::WasAsked(Vec::new()),
-        ["was", "asked", listed @ ..] => OfUnit::WasAsked(pdus(listed)?),
+        ["was", "asked", pdus @ ..] => OfUnit::WasAsked(listed(pdus, bytes)?),
         ["saw", count, "request" | "requests"] => OfUnit::Saw(number(count)?),
         ["executed", count, "write" | "writes"] => OfUnit::Executed(number(count)?, Vec::new()),
-        ["executed", count, "write," | "writes,", "the", "last", listed @ ..] => {
-            OfUnit::Executed(number(count)?, pdus(listed)?)
+        ["executed", count, "write," | "writes,", "the", "last", pdus @ ..] => {
+            OfUnit::Executed(number(count)?, listed(pdus, bytes)?)
         }
         ["heard", count, "gap" | "gaps"] => OfUnit::HeardGaps(number(count)?),
         ["holds", value, "at", address] => OfUnit::Holds(number(value)?, number(address)?),
@@ -251,10 +249,16 @@ fn of_unit(words: &[&str]) -> Result<OfUnit, String> {
     })
 }
 
-/// PDUs with commas between them.
-fn pdus(words: &[&str]) -> Result<Vec<Vec<u8>>, String> {
-    let pdu = |words: &str| bytes(&words.split_whitespace().collect::<Vec<_>>());
-    words.join(" ").split(',').map(pdu).collect()
+/// What is read from each of several parts with commas between them.
+fn listed<T>(words: &[&str], part: fn(&[&str]) -> Result<T, String>) -> Result<Vec<T>, String> {
+    let read = |words: &str| part(&words.split_whitespace().collect::<Vec<_>>());
+    words.join(" ").split(',').map(read).collect()
+}
+
+fn counted(words: &[&str]) -> Result<(u32, Event), String> {
+    let [count, event] = words else { return Err("a count and a counter's name are missing".to_owned()) };
+    let event = Event::ALL.into_iter().find(|known| known.name() == *event);
+    Ok((number(count)?, event.ok_or("no counter has this name")?))
 }
 
 fn of_server(words: &[&str]) -> Result<OfServer, String> {

@@ -40,8 +40,10 @@ impl Stage<'_, '_, '_> {
             Step::Times(count, steps) => {
                 return (0..*count).try_for_each(|_| steps.iter().try_for_each(|step| self.act(world, step)));
             }
-            Step::Counted { port, count, event } => {
-                return equal("the counter", self.rig.counted(port, *event), *count);
+            Step::Counted { port, counts } => {
+                return counts.iter().try_for_each(|(count, event)| {
+                    equal(event.name(), self.rig.counted(port, *event), *count)
+                });
             }
             Step::LastError { port, error } => {
                 let id = self.rig.gateway.settings(|settings| settings.find(port));

@@ -16,7 +16,7 @@ mod points;
 
 use crate::faults::faults;
 use crate::file::{self, Bus, Case, Server, Setup};
-use crate::step::{Step, step};
+use crate::step::steps;
 use crate::words::duration;
 use clients::Clients;
 
@@ -47,16 +47,12 @@ pub(crate) fn play(case: &Case) -> Result<(), String> {
 }
 
 fn play_once(case: &Case, seed: u64) -> Result<(), String> {
-    let lines = case.steps.lines().map(str::trim).filter(|line| !line.is_empty() && !line.starts_with('#'));
-    let told = |line: &str, error: String| format!("at `{line}`: {error}");
-    let steps: Vec<(&str, Step)> = lines
-        .map(|line| Ok((line, step(line).map_err(|error| told(line, error))?)))
-        .collect::<Result<_, String>>()?;
+    let steps = steps(&case.steps)?;
     rig::with_gateway(seed, &case.setup.settings, |world, rig| {
         let mut stage = Stage::build(&case.setup, world, rig)?;
         for (line, step) in &steps {
             let acted = stage.act(world, step);
-            acted.map_err(|error| format!("{}, at {} us", told(line, error), Instant::now().as_micros()))?;
+            acted.map_err(|error| format!("at `{line}`: {error}, at {} us", Instant::now().as_micros()))?;
         }
         stage.clients.check_nothing_is_left()?;
         stage.clients.leave();

@@ -21,7 +21,9 @@ pub(crate) enum Step {
     LastError { port: String, error: String },
     /// `show units has: 5 up ... 6 down`; `show units has no: down`
     Shows { command: String, phrases: String, not: bool },
-    /// `16 times: scada asks ... -> ...; plc sends ...`; an exchange is once a question and its answer.
+    /// `scada asks ... -> ...`
+    Exchange(Box<Step>, Box<Step>),
+    /// `16 times: scada asks ... -> ...; plc sends ...`
     Times(usize, Vec<Step>),
     /// `100 clients come and go on 502`
     Crowd { count: usize, port: u16 },
@@ -157,8 +159,39 @@ pub(crate) struct Times {
     pub(crate) within: Option<Duration>,
 }
 
+/// Reads all steps of a scenario, each with its line. Answers to questions that are asked side by side come behind all of them.
+pub(crate) fn steps(text: &str) -> Result<Vec<(&str, Step)>, String> {
+    let (mut steps, mut answers) = (Vec::new(), Vec::new());
+    for line in text.lines().map(str::trim).filter(|line| !line.is_empty() && !line.starts_with('#')) {
+        let told = |error: String| format!("at `{line}`: {error}");
+        let (pause, sentence) = beside(line).unwrap_or_else(|| {
+            steps.append(&mut answers);
+            (None, line)
+        });
+        steps.extend(pause.map(|pause| (line, Step::Wait(pause))));
+        match step(sentence).map_err(told)? {
+            Step::Exchange(question, answer) => {
+                steps.push((line, *question));
+                answers.push((line, *answer));
+            }
+            other => steps.push((line, other)),
+        }
+    }
+    steps.append(&mut answers);
+    Ok(steps)
+}
+
+/// What happens before the answers to the lines above: `and ...`, `5ms later ...`.
+fn beside(line: &str) -> Option<(Option<Duration>, &str)> {
+    let (time, rest) = line.split_once(' ')?;
+    match time {
+        "and" => Some((None, rest)),
+        _ => Some((Some(duration(time).ok()?), rest.strip_prefix("later ")?)),
+    }
+}
+
 /// Reads a line of a scenario's steps.
-pub(crate) fn step(line: &str) -> Result<Step, String> {
+fn step(line: &str) -> Result<Step, String> {
     for (begin, refused) in [("console refuses:", true), ("console:", false)] {
         if let Some(line) = line.strip_prefix(begin) {
             return Ok(Step::Console { line: line.trim().to_owned(), refused });
@@ -174,7 +207,8 @@ pub(crate) fn step(line: &str) -> Result<Step, String> {
     }
     if let Some((question, answer)) = line.split_once(" -> ") {
         let client = question.split(' ').next().unwrap_or_default();
-        return Ok(Step::Times(1, vec![step(question)?, step(&format!("{client} gets {answer}"))?]));
+        let answer = step(&format!("{client} gets {answer}"))?;
+        return Ok(Step::Exchange(Box::new(step(question)?), Box::new(answer)));
     }
     let words: Vec<&str> = line.split_whitespace().collect();
     Ok(match &words[..] {

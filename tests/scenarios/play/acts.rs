@@ -37,6 +37,10 @@ impl Stage<'_, '_, '_> {
                     return Err(format!("it shows\n{shown}"));
                 }
             }
+            Step::Exchange(question, answer) => {
+                self.act(world, question)?;
+                return self.act(world, answer);
+            }
             Step::Times(count, steps) => {
                 return (0..*count).try_for_each(|_| steps.iter().try_for_each(|step| self.act(world, step)));
             }

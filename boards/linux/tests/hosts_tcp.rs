@@ -10,7 +10,7 @@ use futures_lite::future::{or, poll_once, zip};
 use mobgate::hal::{OpenErrorKind, TcpHost, TcpStream as _};
 use mobgate::settings::TcpListen;
 use mobgate_linux::reactor::block_on;
-use mobgate_linux::tcp::TcpSockets;
+use mobgate_linux::tcp::{self, TcpSockets};
 
 const LOOPBACK: IpAddr = IpAddr::V4(Ipv4Addr::LOCALHOST);
 
@@ -25,6 +25,18 @@ fn loopback() -> TcpListen {
 
 fn connect(listen: &TcpListen) -> TcpStream {
     TcpStream::connect((LOOPBACK, listen.port)).unwrap()
+}
+
+/// Plays `test` with an open listener's sockets, a client that has connected, and the connection that was accepted from it.
+fn served(test: impl AsyncFnOnce(TcpStream, tcp::TcpStream)) {
+    let (listen, mut sockets) = (loopback(), TcpSockets::default());
+    block_on(async {
+        let _open = sockets.open(&listen).unwrap();
+        let client = connect(&listen);
+        let (stream, peer) = sockets.accept(&listen).await.unwrap();
+        assert_eq!(peer, client.local_addr().unwrap());
+        test(client, stream).await;
+    });
 }
 
 #[test]
@@ -93,11 +105,7 @@ fn dropping_a_pending_accept_loses_no_connection() {
 
 #[test]
 fn an_accepted_socket_has_nagle_off_and_keepalive_and_user_timeout_set() {
-    let (listen, mut sockets) = (loopback(), TcpSockets::default());
-    block_on(async {
-        let _open = sockets.open(&listen).unwrap();
-        let _client = connect(&listen);
-        let (stream, _) = sockets.accept(&listen).await.unwrap();
+    served(async |_client, stream| {
         let socket = socket2::SockRef::from(&stream);
         assert!(socket.tcp_nodelay().unwrap());
         assert!(socket.keepalive().unwrap());
@@ -110,11 +118,7 @@ fn an_accepted_socket_has_nagle_off_and_keepalive_and_user_timeout_set() {
 
 #[test]
 fn bytes_pass_both_ways_and_a_fin_reads_as_the_end() {
-    let (listen, mut sockets) = (loopback(), TcpSockets::default());
-    block_on(async {
-        let _open = sockets.open(&listen).unwrap();
-        let mut client = connect(&listen);
-        let (mut stream, _) = sockets.accept(&listen).await.unwrap();
+    served(async |mut client, mut stream| {
         client.write_all(b"ask").unwrap();
         let mut text = [0; 8];
         assert_eq!(stream.read(&mut text).await.unwrap(), 3);
@@ -127,11 +131,7 @@ fn bytes_pass_both_ways_and_a_fin_reads_as_the_end() {
 
 #[test]
 fn closing_lets_the_last_answer_arrive_though_requests_are_unread() {
-    let (listen, mut sockets) = (loopback(), TcpSockets::default());
-    block_on(async {
-        let _open = sockets.open(&listen).unwrap();
-        let mut client = connect(&listen);
-        let (mut stream, _) = sockets.accept(&listen).await.unwrap();
+    served(async |mut client, mut stream| {
         client.write_all(&[0; 4096]).unwrap();
         stream.write_all(b"last").await.unwrap();
         stream.close().await;
@@ -143,11 +143,7 @@ fn closing_lets_the_last_answer_arrive_though_requests_are_unread() {
 
 #[test]
 fn closing_takes_a_bounded_time_when_the_peer_keeps_its_side_open() {
-    let (listen, mut sockets) = (loopback(), TcpSockets::default());
-    block_on(async {
-        let _open = sockets.open(&listen).unwrap();
-        let _client = connect(&listen);
-        let (stream, _) = sockets.accept(&listen).await.unwrap();
+    served(async |_client, stream| {
         let start = Instant::now();
         stream.close().await;
         // Much later than it takes on a busy machine, and much earlier than TCP gives up.

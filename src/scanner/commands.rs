@@ -155,7 +155,14 @@ impl Scanner {
 
     /// Writes the row immediately; a device that does not respond gets it at the next attempt.
     pub fn write(&mut self, id: RowId) -> Result<(), Refused> {
-        let entry = self.entry(id).ok_or(Refused::NotThere)?;
+        self.writable(id)?;
+        self.mark(id, true);
+        Ok(())
+    }
+
+    /// The row, if it is one that is written and is in no safe write.
+    fn writable(&mut self, id: RowId) -> Result<&mut Entry, Refused> {
+        let entry = self.entries.get_mut(usize::from(id.0)).ok_or(Refused::NotThere)?;
         entry.row.device.ok_or(Refused::NoDevice)?;
         if entry.row.write == Writing::Never {
             return Err(Refused::ReadOnly);
@@ -163,8 +170,7 @@ impl Scanner {
         if entry.status.any(Status::WRITE_BLOCKED) {
             return Err(Refused::Blocked);
         }
-        self.mark(id, true);
-        Ok(())
+        Ok(entry)
     }
 
     /// Reads or writes immediately, depending on `function`, all rows of `device` with cells from `first` to `last`; returns the
@@ -211,14 +217,7 @@ impl Scanner {
     /// Begins a safe write: until it is finished the row is neither read nor written, so that several cells can be changed and
     /// the device gets all of them in one frame. It ends after [`ABANDONED_AFTER`](super::ABANDONED_AFTER) without effect.
     pub fn begin(&mut self, id: RowId, now: Instant) -> Result<(), Refused> {
-        let entry = self.entries.get_mut(usize::from(id.0)).ok_or(Refused::NotThere)?;
-        entry.row.device.ok_or(Refused::NoDevice)?;
-        if entry.row.write == Writing::Never {
-            return Err(Refused::ReadOnly);
-        }
-        if entry.status.any(Status::WRITE_BLOCKED) {
-            return Err(Refused::Blocked);
-        }
+        let entry = self.writable(id)?;
         entry.status.set(Status::WRITE_BLOCKED);
         entry.fresh = now;
         Ok(())

@@ -31,20 +31,15 @@ impl<L: SerialLine> SerialTransaction<'_, L> {
         }
         self.pass_on(incoming);
         match rtu::response(incoming.unit(), incoming.request(), self.line.received()) {
-            Received::Complete(pdu) => match self.judge(incoming.unit(), pdu, true, Event::Misfit) {
-                Ok(()) => {
-                    incoming.whole(self.line.received(), pdu);
-                    self.note(Event::Response);
-                    Found::Response
-                }
-                Err(event) => {
+            Received::Complete(pdu) => {
+                let found = self.matched(incoming, self.line.received(), pdu);
+                if !matches!(found, Found::Response) {
                     let end = rtu::end_of(pdu, self.line.received());
-                    let found = self.other(incoming.unit(), event);
                     incoming.not_yet(self.line.received(), true);
                     self.line.consume(end);
-                    found
                 }
-            },
+                found
+            }
             Received::Partial => {
                 incoming.not_yet(self.line.received(), false);
                 Found::Nothing
@@ -67,14 +62,7 @@ impl<L: SerialLine> SerialTransaction<'_, L> {
                 (Ok(()), [from, response @ .., _])
                     if *from == unit && pdu::fits(request, response).is_ok() =>
                 {
-                    match self.judge(unit, response, true, Event::Misfit) {
-                        Ok(()) => {
-                            incoming.whole(self.decoder.bytes(), response);
-                            self.note(Event::Response);
-                            Found::Response
-                        }
-                        Err(event) => self.other(unit, event),
-                    }
+                    self.matched(incoming, self.decoder.bytes(), response)
                 }
                 (Ok(()), [from, response @ .., _]) if *from != unit => self.wrong_unit(unit, *from, response),
                 (Ok(()), [_, response @ .., _]) if response == request => self.other(unit, Event::Echo),
@@ -97,14 +85,7 @@ impl<L: SerialLine> SerialTransaction<'_, L> {
         let (unit, request) = (incoming.unit(), incoming.request());
         let found = match self.settings.framing {
             Framing::Rtu => match rtu::response_at_silence(unit, request, self.line.received()) {
-                AtSilence::Complete(pdu) => match self.judge(unit, pdu, true, Event::Misfit) {
-                    Ok(()) => {
-                        incoming.whole(self.line.received(), pdu);
-                        self.note(Event::Response);
-                        Found::Response
-                    }
-                    Err(event) => self.other(unit, event),
-                },
+                AtSilence::Complete(pdu) => self.matched(incoming, self.line.received(), pdu),
                 AtSilence::Corrupt => self.corrupt(Event::BadCheck),
                 AtSilence::Short => self.corrupt(Event::Short),
                 AtSilence::WrongUnit(from, response) => self.wrong_unit(unit, from, response),
@@ -129,6 +110,18 @@ impl<L: SerialLine> SerialTransaction<'_, L> {
         let like = whole.filter(|frame| frame.get(1..=request.len()) == Some(request));
         like.and_then(|frame| rtu::decode(frame).ok()) == Some((incoming.unit(), request))
             && pdu::fits(request, request).is_err()
+    }
+
+    /// Handles `response`, in the valid `frame` from the unit that was asked, which matches the request.
+    fn matched(&self, incoming: &mut IncomingResponse<'_, '_>, frame: &[u8], response: &[u8]) -> Found {
+        match self.judge(incoming.unit(), response, true, Event::Misfit) {
+            Ok(()) => {
+                incoming.whole(frame, response);
+                self.note(Event::Response);
+                Found::Response
+            }
+            Err(event) => self.other(incoming.unit(), event),
+        }
     }
 
     /// Accepts `response`, in a valid frame from `unit`, if it is the `expected` one; otherwise the event is `Late`, or `other`.

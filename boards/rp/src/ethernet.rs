@@ -140,6 +140,7 @@ pub(crate) async fn run(wires: Wires, address: [u8; 6], state: &Chip) -> ! {
     let Ok((device, runner)) = started.await else { pending().await };
     state.device.signal(device);
     state.set_lost(false);
+    mobgate_firmware::trial::found_network();
     let again = async {
         loop {
             Timer::after(INTERVAL).await;

@@ -2,8 +2,8 @@
 //!
 //! * [`pico`]: pins and channels of a Raspberry Pi Pico with a W5500.
 //! * `line`: an RS-485 line on two state machines of a PIO; `character`: its characters; `program`: the programs of the PIO.
-//! * `ethernet`: the W5500; `console`: the console by USB; `flash`: the chip's flash for the settings.
-//! * `start`: why it started, faults, and how it starts again; `light`: the one light.
+//! * `ethernet`: the W5500; `console`: the console by USB; `flash`: the chip's flash for settings and updates.
+//! * `start`: why it started, and faults; `light`: the one light.
 #![no_std]
 
 mod character;

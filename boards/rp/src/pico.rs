@@ -13,18 +13,19 @@ use embassy_rp::usb;
 use embassy_rp::{Peripherals, bind_interrupts, pac};
 use embassy_sync::mutex::Mutex;
 use embedded_hal_bus::spi::ExclusiveDevice;
-use mobgate::hal::NoUpdate;
 use mobgate_firmware::gateway::PORTS;
 use mobgate_firmware::lines::{LINES, Lines, SharedLine};
 use mobgate_firmware::network::Network;
+use mobgate_firmware::start::is_held;
 use mobgate_firmware::system::Board;
-use mobgate_firmware::{console as terminal, gateway, network, start as settings, watchdog};
-use mobgate_rp_boot::flash::UNIQUE_BYTES;
+use mobgate_firmware::{console as terminal, gateway, network, watchdog};
+use mobgate_image::Info;
+use mobgate_rp_boot::flash::{Chip as FlashChip, UNIQUE_BYTES};
 use static_cell::{ConstStaticCell, StaticCell};
 
 use crate::console::{self, Console};
 use crate::ethernet::{self, Chip, LateEthernet, Wires};
-use crate::flash::{SETTINGS_START, SettingsFlash};
+use crate::flash::{ChipFlash, SharedFlash, settings, updater};
 use crate::light::Light;
 use crate::line::{LineInterrupt, Pins, PioLine, RING_CHARACTERS, Ring};
 use crate::program::Programs;
@@ -65,16 +66,16 @@ macro_rules! line {
     }};
 }
 
-/// Runs the gateway on the board `name`.
-pub async fn run(spawner: Spawner, name: &'static str, p: Peripherals) -> ! {
+/// Runs the gateway on the board that `info` names.
+pub async fn run(spawner: Spawner, info: &'static Info, p: Peripherals) -> ! {
     let cause = start::cause();
     // Before anything that may hang; the boot loader has started it, unless a debugger started the program.
     mobgate_rp_boot::watchdog::start();
     let mut light = Light(Output::new(p.PIN_25, Level::Low));
     // Pressed, it connects the pin to ground.
     let button = Input::new(p.PIN_22, Pull::Up);
-    let forget = settings::is_held(|| button.is_low(), &mut light).await;
-    let mut flash = mobgate_rp_boot::flash::Chip::new(p.FLASH);
+    let forget = is_held(|| button.is_low(), &mut light).await;
+    let mut flash = FlashChip::new(p.FLASH);
     let unique = flash.unique();
 
     let (mut pio0, mut pio1) = (Pio::new(p.PIO0, Interrupts), Pio::new(p.PIO1, Interrupts));
@@ -109,7 +110,7 @@ pub async fn run(spawner: Spawner, name: &'static str, p: Peripherals) -> ! {
     let address = mobgate_board::ethernet_address(&unique);
     let (driver, state) = LateEthernet::new(address);
     let (network, runner) = network::start(spawner, driver, &unique);
-    let board = Board::new(name, network, cause, mobgate_rp_boot::restart);
+    let board = Board::new(info.board(), network, cause, mobgate_rp_boot::restart);
     gateway::start(spawner, network);
     // Each pool has room for the tasks spawned here, and this runs once: no `unwrap` can fail.
     spawner.spawn(stack(runner).unwrap());
@@ -117,9 +118,9 @@ pub async fn run(spawner: Spawner, name: &'static str, p: Peripherals) -> ! {
     for index in 0..PORTS {
         spawner.spawn(port(index, lines, network).unwrap());
     }
-    let (port, device) = console::new(usb::Driver::new(p.USB, Interrupts), name, serial(&unique));
+    let (port, device) = console::new(usb::Driver::new(p.USB, Interrupts), info.board(), serial(&unique));
     spawner.spawn(console::run(device).unwrap());
-    spawner.spawn(serve(board, port, SettingsFlash(flash), forget).unwrap());
+    spawner.spawn(serve(board, port, ChipFlash(flash), info, forget).unwrap());
     watchdog::watch(mobgate_rp_boot::watchdog::feed, &mut light, network).await
 }
 
@@ -149,8 +150,8 @@ async fn port(index: usize, lines: Lines<PioLine>, network: Network) {
 }
 
 #[embassy_executor::task]
-async fn serve(mut board: Board, mut port: Console, flash: SettingsFlash, forget: bool) {
-    let firmware = NoUpdate("this board has no boot loader yet: copy the new UF2 file onto its drive");
-    let firmware = Mutex::new(firmware);
-    terminal::run(&mut board, &mut port, flash, SETTINGS_START, &firmware, forget).await
+async fn serve(mut board: Board, mut port: Console, flash: ChipFlash, info: &'static Info, forget: bool) {
+    let flash = SharedFlash::new(flash);
+    let firmware = Mutex::new(updater(&flash, *info));
+    terminal::run(&mut board, &mut port, settings(&flash), 0, &firmware, forget).await
 }

@@ -12,5 +12,5 @@ mobgate_image::info!(INFO, "W5500-EVB-Pico");
 
 #[embassy_executor::main]
 async fn main(spawner: Spawner) {
-    pico::run(spawner, INFO.board(), embassy_rp::init(Default::default())).await
+    pico::run(spawner, &INFO, embassy_rp::init(Default::default())).await
 }

@@ -1,8 +1,9 @@
-// The boot loader: what it starts, swaps and swaps back, with power cuts in between.
+// New firmware: what the boot loader starts, swaps and swaps back, with power cuts in between; the way in by the console, and the trial.
 import assert from 'node:assert/strict';
 import test from 'node:test';
 import { Bench } from './src/bench.js';
-import { PAGE_OPERATIONS, hanging, program, renamed, stage } from './src/images.js';
+import { PAGE_OPERATIONS, hanging, ofVersion, program, renamed, signed, stage } from './src/images.js';
+import { send } from './src/ymodem.js';
 
 /** How often two images are swapped and swapped back with power cuts, and what those of the first swap depend on. */
 const SWAPS = Number(process.env.MOBGATE_SWAPS ?? 2), SEED = Number(process.env.MOBGATE_SEED ?? 1);
@@ -71,6 +72,48 @@ test('an image that hangs at its start goes back', () => {
   assert.deepEqual(bench.faults, []);
 });
 
+test('an update by the console is confirmed, and one that finds no W5500 goes back', () => {
+  const { bench, board, flash, old } = prepare();
+  const shows = (text) => assert.match(bench.console.command('show update'), text);
+  shows(/0\.1\.0: confirmed/);
+  const next = ofVersion(old, 1, 1);
+  assert.match(send(bench, 'update', signed(next)), /0\.1\.1 is complete and genuine; it starts now, on trial/);
+  assert.ok(program(flash).subarray(0, next.length).equals(next));
+  shows(/0\.1\.1: on trial/);
+  board.run(8);
+  shows(/0\.1\.1: confirmed/);
+  assert.match(bench.console.command('read 3 holding 5 count 2 via P3'), /3005 3006/);
+  bench.w5500.present = false;
+  const after = ofVersion(old, 1, 2);
+  assert.match(send(bench, 'update', signed(after)), /0\.1\.2 is complete and genuine/);
+  shows(/0\.1\.2: on trial/);
+  assert.ok(board.run(START_SECONDS + 5, () => board.restarts.length === 3), 'it goes back');
+  runs(bench, NAME);
+  shows(/0\.1\.1: went back from 0\.1\.2: on trial the network's hardware was not found/);
+  assert.match(bench.console.command('show config'), /route P502 4 +\* +\* P4/);
+  assert.deepEqual(bench.faults, []);
+});
+
+test('what is refused is named, and what runs stays', () => {
+  const { bench, flash, old } = prepare();
+  const small = ofVersion(old, 1, 1).subarray(0, 4096);
+  const [whole, tampered] = [signed(small), signed(small)];
+  tampered[3000] ^= 1;
+  for (const [file, reason] of [
+    [tampered, "the image's signature is wrong"],
+    [whole.subarray(0, 3500), 'the image is incomplete'],
+    [signed(ofVersion(old, 0, 9).subarray(0, 4096)), 'the image is older than what runs'],
+    [small, 'this is no image of mobgate'],
+  ]) {
+    assert.ok(send(bench, 'update', file).includes(`error: ${reason}\r\n`), reason);
+    assert.match(bench.console.command('show update'), /0\.1\.0: confirmed/);
+  }
+  bench.board.powerCycle();
+  runs(bench, NAME);
+  assert.ok(program(flash).equals(old));
+  assert.deepEqual(bench.faults, []);
+});
+
 /** Starts the board, with the power failing in operations that `next` counts from each start, until an image has started. */
 function startWithCuts({ bench: { board, console: terminal } }, next, random) {
   board.powerCycle();
@@ -123,7 +166,7 @@ test('power cuts in the last operations of a swap and of the way back leave a wh
     // As above.
     assert.ok(image.equals(other) || last === 1 && image.equals(old), `the last operations of the swap: ${last}`);
   }
-  for (const last of [1, 2, 3, 4]) {
+  for (const last of [1, 2, 3, 4, 5]) {
     flash.bytes.set(back.before);
     startWithCuts(prepared, once(back.count - last), random);
     runs(bench, NAME);

@@ -1,8 +1,13 @@
 // Images in the flash, as the program and the boot loader leave them: the partitions are those of boards/w5500_evb_pico/regions.x.
+import { createHash, createPrivateKey, sign } from 'node:crypto';
 import { readFileSync } from 'node:fs';
 
 const REGIONS = readFileSync(new URL('../../../boards/w5500_evb_pico/regions.x', import.meta.url), 'latin1');
+/** The key of `cargo xtask board`. */
+const KEY = process.env.MOBGATE_SIGNING_KEY ?? new URL('../../../target/development.key', import.meta.url);
 const FLASH = 0x10000000;
+/** Where a firmware has its info block, and in it the version. */
+const VERSION = 0x418;
 /** boards/rp_boot/src/flash.rs. */
 const WORD = 32, PAGE = 32 * 1024;
 /** embassy-boot's mark of an image that waits. */
@@ -43,4 +48,23 @@ export function hanging(image) {
 export function stage(flash, image) {
   flash.bytes.set(image, UPDATE[0]);
   flash.bytes.fill(0xff, ...STATE).fill(SWAP, STATE[0], STATE[0] + WORD);
+}
+
+/** The update file of a firmware: the header by mobgate-image, signed with the key that the image trusts. */
+export function signed(firmware) {
+  const seed = Buffer.from(readFileSync(KEY, 'latin1').trim(), 'hex');
+  const prefix = Buffer.from('302e020100300506032b657004220420', 'hex'); // PKCS 8, RFC 8410
+  const key = createPrivateKey({ key: Buffer.concat([prefix, seed]), format: 'der', type: 'pkcs8' });
+  const header = Buffer.from('MOBGATE\x01\0\0\0\0', 'latin1');
+  header.writeUInt32LE(firmware.length, 8);
+  return Buffer.concat([header, sign(null, createHash('sha512').update(firmware).digest(), key), firmware]);
+}
+
+/** The program as if it were of version 0.`minor`.`patch`, where it says 0.1.0, up to its end. */
+export function ofVersion(image, minor, patch) {
+  const end = image.findLastIndex((byte) => byte !== 0xff) + 1;
+  const other = renamed(image.subarray(0, Math.ceil(end / 4) * 4), '0.1.0', `0.${minor}.${patch}`);
+  other.writeUInt16LE(minor, VERSION + 2);
+  other.writeUInt16LE(patch, VERSION + 4);
+  return other;
 }

@@ -3,12 +3,13 @@
 //! * [`gateway`]: the gateway's statics and tasks; [`lines`]: the table of lines, which ports open by name.
 //! * [`network`]: the stack on the board's Ethernet and its sockets.
 //! * [`console`]: the console over any terminal; [`start`]: the settings at start-up, and the factory reset.
-//! * [`system`]: the console's interface to the board; [`watchdog`]: whether it may be fed, shown by the lights; [`trial`]: whether new
+//! * [`system`]: the console's interface to the board; [`watchdog`]: whether it may be fed, shown by the [`lights`]; [`trial`]: whether new
 //!   firmware stays.
 #![no_std]
 
 pub mod console;
 pub mod gateway;
+pub mod lights;
 pub mod lines;
 pub mod network;
 mod sockets;

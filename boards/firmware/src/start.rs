@@ -7,7 +7,7 @@ use mobgate::gateway::reconfigure::{self, Unchanged};
 use mobgate::hal::{Store, StoreError};
 
 use crate::gateway::gateway;
-use crate::watchdog::Lights;
+use crate::lights::Lights;
 
 /// Half period of the fast blinking.
 const BLINK: Duration = Duration::from_millis(100);

@@ -1,25 +1,15 @@
 //! Feeds the watchdog as long as every task answers.
 
 use embassy_time::Duration;
-pub use ethercat_subdevice::indicators::Lamps;
 use mobgate::gateway::{Gateway, Status};
 
 use crate::gateway::{LIVENESS, TaskName, gateway};
+use crate::lights::Lights;
 use crate::sockets::Network;
 use crate::trial;
 
 /// Time limit for the tasks' answers.
 const PERIOD: Duration = Duration::from_millis(500);
-
-/// The board's lights, which also show RUN and ERR of EtherCAT (ETG.1300).
-pub trait Lights: Lamps {
-    /// Switches all of them.
-    fn all(&mut self, on: bool);
-
-    /// Shows that every task answers, whether the network `has_address`, and whether a port `is_lost` or failed to open; what
-    /// EtherCAT uses is left to it.
-    fn show(&mut self, has_address: bool, is_lost: bool, ethercat: bool);
-}
 
 /// Polls the tasks, calls `feed` while all answer, and shows it on the lights. Records the first silent task.
 pub async fn watch(mut feed: impl FnMut(), lights: &mut impl Lights, network: Network) -> ! {

@@ -4,7 +4,7 @@
 //! * Blinks fast: the button is being held at start-up; on: the settings are being deleted.
 
 use embassy_rp::gpio::Output;
-use mobgate_firmware::watchdog::{Lamps, Lights};
+use mobgate_firmware::lights::{Lamps, Lights};
 
 /// The light.
 pub(crate) struct Light(pub(crate) Output<'static>);

@@ -9,7 +9,7 @@
 
 use embassy_stm32::Peri;
 use embassy_stm32::gpio::{AnyPin, Level, Output, Speed};
-use mobgate_firmware::watchdog;
+use mobgate_firmware::lights;
 
 /// The lights.
 pub(crate) struct Lights {
@@ -30,14 +30,14 @@ impl Lights {
     }
 }
 
-impl watchdog::Lamps for Lights {
+impl lights::Lamps for Lights {
     fn shine(&mut self, run: bool, error: bool) {
         self.green.set_level(run.into());
         self.red.set_level(error.into());
     }
 }
 
-impl watchdog::Lights for Lights {
+impl lights::Lights for Lights {
     fn all(&mut self, on: bool) {
         for light in [&mut self.green, &mut self.blue, &mut self.red] {
             light.set_level(on.into());

@@ -5,7 +5,7 @@ mod schema;
 
 use std::collections::BTreeMap;
 
-use mobgate::fieldbus::{LONG_DEVICE, LONG_MODULAR, MODULAR};
+use mobgate::fieldbus::{LONG_DEVICE, LONG_MODULAR, MODULAR, updatable_device};
 use mobgate::settings::SlaveSettings;
 use mobgate_description::write_esi;
 
@@ -14,6 +14,7 @@ use crate::sdo::category;
 use builder::{build, child, number, text};
 
 static LONG_GATEWAY: Device = LONG_DEVICE;
+static LONG_WITH_MODULES: Device = LONG_MODULAR;
 /// The smallest EEPROM that is common.
 const EEPROM_BYTES_MAX: usize = 2_048;
 
@@ -23,6 +24,11 @@ slave 0 unit 17 coil 10 count 3 discrete 0 count 10 input 100 count 4 as f32 hol
 slave 1 unit 18 coil 0 count 8
 slave 2 unit 19 coil 32 count 8 read 50ms
 slave 3 unit 20";
+
+/// The devices of the gateway's file, in order: boards take new firmware.
+fn devices() -> [&'static Device; 4] {
+    [updatable_device(false), &LONG_GATEWAY, updatable_device(true), &LONG_WITH_MODULES]
+}
 
 fn slaves() -> Vec<SlaveSettings> {
     settings_of(SLAVES).slaves.to_vec()
@@ -199,14 +205,8 @@ fn used(image: &[u8]) -> usize {
 #[test]
 fn statement_41_an_eeprom_image_that_others_make_from_the_file_is_the_devices_own() {
     let (gateway, small, files) = (file_of_gateway(), esi_of(&MAILBOX_128), esi_of(&FILES_128));
-    for (device, file, nth) in [
-        (&GATEWAY, &gateway, 0),
-        (&LONG_GATEWAY, &gateway, 1),
-        (&MODULAR, &gateway, 2),
-        (&LONG_MODULAR, &gateway, 3),
-        (&MAILBOX_128, &small, 0),
-        (&FILES_128, &files, 0),
-    ] {
+    let of_gateway = devices().into_iter().zip(0..).map(|(device, nth)| (device, &gateway, nth));
+    for (device, file, nth) in of_gateway.chain([(&MAILBOX_128, &small, 0), (&FILES_128, &files, 0)]) {
         let own = sii_of(device);
         let built = build(&Document::parse(file).unwrap(), nth);
         // The serial number is each device's own, and no file has it.
@@ -222,7 +222,7 @@ fn statement_41_an_eeprom_image_that_others_make_from_the_file_is_the_devices_ow
 #[test]
 fn statement_58_the_gateways_image_fits_into_2048_bytes_and_255_strings() {
     let file = file_of_gateway();
-    for (nth, device) in [&GATEWAY, &LONG_GATEWAY, &MODULAR, &LONG_MODULAR].into_iter().enumerate() {
+    for (nth, device) in devices().into_iter().enumerate() {
         let built = build(&Document::parse(&file).unwrap(), nth);
         assert!(built.image.len() <= EEPROM_BYTES_MAX, "{} bytes", built.image.len());
         assert!(built.strings.len() <= 255, "{} strings", built.strings.len());

@@ -9,7 +9,7 @@ use std::fmt::{self, Display, Write};
 use ethercat_description::esi::{self, Command, EsiError, Slots};
 use ethercat_subdevice::application::Address;
 use ethercat_subdevice::object::Object;
-use mobgate::fieldbus::{DEVICE, LONG_DEVICE, LONG_MODULAR, MODULAR, Module};
+use mobgate::fieldbus::{LONG_DEVICE, LONG_MODULAR, Module, updatable_device};
 use mobgate::scanner::{Kind, ValueType};
 use mobgate::settings::{Cells, SlaveSettings};
 
@@ -39,7 +39,9 @@ const TABLES: [Kind; 4] = [Kind::Discrete, Kind::Coil, Kind::Input, Kind::Holdin
 /// If a description does not fit an EEPROM, or `into` cannot be written.
 pub fn write_esi(slaves: &[SlaveSettings], into: &mut impl Write) -> Result<(), EsiError> {
     let modular = Some(SLOTS);
-    let devices = [(&DEVICE, None), (&LONG_DEVICE, None), (&MODULAR, modular), (&LONG_MODULAR, modular)];
+    let [fixed, modules_in_slots] = [false, true].map(updatable_device);
+    let devices =
+        [(fixed, None), (&LONG_DEVICE, None), (modules_in_slots, modular), (&LONG_MODULAR, modular)];
     esi::write_file(&devices, &modules(slaves), into)
 }
 

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use ethercat_description::sii;
-use mobgate::fieldbus::device;
+use mobgate::fieldbus::updatable_device;
 use mobgate::settings::SlaveSettings;
 use mobgate_description::write_esi;
 
@@ -16,7 +16,7 @@ pub fn write(make: &Make) -> Result<(), String> {
     let (file, content) = match make {
         Make::Sii { modules, file } => {
             let mut image = [0; sii::SII_BYTES];
-            sii::write(device(*modules), &mut image).map_err(|error| error.to_string())?;
+            sii::write(updatable_device(*modules), &mut image).map_err(|error| error.to_string())?;
             (file, image.to_vec())
         }
         Make::Esi { config, file } => {

@@ -98,6 +98,8 @@ impl Core {
         match offset {
             0xe100..0xe114 => change(&mut self.enabled, offset - 0xe100, true),
             0xe180..0xe194 => change(&mut self.enabled, offset - 0xe180, false),
+            // Interrupts that no chip has: writes are ignored (B3.4.5).
+            0xe194..0xe1c0 => {}
             0xe200..0xe214 => change(&mut self.pending, offset - 0xe200, true),
             0xe280..0xe294 => change(&mut self.pending, offset - 0xe280, false),
             0xe400..0xe4a0 => {

@@ -67,7 +67,7 @@ pub(crate) fn print(boards: &[String]) -> Outcome {
         let name = if is_rp2040 { "rp2040" } else { board.strip_prefix("nucleo_").unwrap_or(board) };
         let lines = read(format!("boards/{board}/src/main.rs"))?.lines().count();
         figure(&format!("{name}_main"), lines as f64, "lines", Some(99.0));
-        let image = Image::build(board, &[])?;
+        let image = Image::build(board, false)?;
         // Eight ports, 64 rules, 16 clients.
         let budget = board == "nucleo_h743zi";
         // Of the RP2040: the program's part of the flash; RAM but for the stack.
@@ -84,8 +84,8 @@ pub(crate) fn print(boards: &[String]) -> Outcome {
         if is_rp2040 {
             continue;
         }
-        // Router, scanner and EtherCAT together.
-        let image = Image::build(board, &["--features", "ethercat"])?;
+        // Router, scanner and EtherCAT together: the image that users flash.
+        let image = Image::build(board, true)?;
         image.totals(&format!("{name}_ethercat"), Some((512.0, 192.0)));
     }
     Ok(())
@@ -115,13 +115,12 @@ struct Image {
 }
 
 impl Image {
-    /// Builds an image and prints its sections and largest symbols.
-    fn build(board: &str, features: &[&str]) -> Outcome<Self> {
-        let arguments: Vec<String> =
-            ["--no-default-features"].iter().chain(features).map(|&word| word.into()).collect();
-        board::run(board, "build", &arguments)?;
+    /// Builds an image, with its default features or without, and prints its sections and largest symbols.
+    fn build(board: &str, with_features: bool) -> Outcome<Self> {
+        let arguments = (!with_features).then(|| "--no-default-features".into());
+        board::run(board, "build", arguments.as_slice())?;
         let image = Self::read(&board::image(board)?)?;
-        println!("{board}{}:", features.last().map_or(String::new(), |feature| format!(" with {feature}")));
+        println!("{board}{}:", if with_features { "" } else { " without EtherCAT" });
         for (name, bytes, _) in &image.sections {
             if [".vector_table", ".text", ".rodata", ".data", ".bss", ".uninit"].contains(&name.as_str()) {
                 println!("  {name:<14} {bytes:7}");

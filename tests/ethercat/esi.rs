@@ -1,6 +1,7 @@
 //! The ESI file as tools by others take it: its schema, its types, and the EEPROM image that is made from it.
 
 pub(crate) mod builder;
+mod readers;
 mod schema;
 
 use std::collections::BTreeMap;
@@ -62,7 +63,7 @@ fn the_schema_notices_order_missing_and_unknown_elements_and_wrong_content() {
         ("<Access>ro<", "<Access>r<"),
         ("<DefaultData>00<", "<DefaultData>0<"),
         ("<Transition>PS<", "<Transition>PX<"),
-        (" DependOnSlot=\"true\"", " DependOnSlot=\"slot\""),
+        (" DependOnSlot=\"1\"", " DependOnSlot=\"slot\""),
         ("<ModuleClass>", "<ModuleClass><Name>first</Name>"),
         (" ModuleIdent=\"#x", " ModuleIdent=\""),
     ] {
@@ -272,7 +273,7 @@ fn each_slave_of_the_settings_is_a_module_beside_common_ones_with_its_start_up_l
     let commands: Vec<_> = commands
         .map(|command| {
             let index = child(command, "Index").unwrap();
-            assert_eq!((index.text(), index.attribute("DependOnSlot")), (Some("#x8000"), Some("true")));
+            assert_eq!((index.text(), index.attribute("DependOnSlot")), (Some("#x8000"), Some("1")));
             (number(text(command, "SubIndex")), text(command, "Data"), text(command, "Comment"))
         })
         .collect();
@@ -291,7 +292,7 @@ fn each_slave_of_the_settings_is_a_module_beside_common_ones_with_its_start_up_l
         ["#x6000", "#x6001", "#x6002", "#x6003", "#x7000", "#x7001", "#x8000", "#x9000", "#xA000"]
     );
     for object in objects {
-        assert_eq!(child(object, "Index").unwrap().attribute("DependOnSlot"), Some("true"));
+        assert_eq!(child(object, "Index").unwrap().attribute("DependOnSlot"), Some("1"));
     }
 
     let entries = first.descendants().filter(|node| node.has_tag_name("Entry"));

@@ -78,7 +78,7 @@ const NEEDS: [Need; 31] = [
     by_apt(Group::Peers, "npm", &["npm"]),
     Need {
         group: Group::Peers,
-        name: "pymodbus, zeroconf, pysoem, soemx, KickCAT in target/python",
+        name: "pymodbus, zeroconf, pysoem, soemx, KickCAT, ethercat-mcp in target/python",
         by: By::Own(python),
         found: |_| is_installed(REQUIREMENTS, "target/python"),
     },
@@ -269,7 +269,8 @@ fn note_installed(list: &str, folder: &str) -> Outcome {
 
 fn python() -> Outcome {
     run(&mut command("python3", &["-m", "venv", "target/python"]))?;
-    let pip = ["-m", "pip", "install", "--quiet", "--disable-pip-version-check", "-r", REQUIREMENTS];
+    let pip =
+        ["-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--no-deps", "-r", REQUIREMENTS];
     run(&mut command("target/python/bin/python3", &pip))?;
     note_installed(REQUIREMENTS, "target/python")
 }

@@ -19,7 +19,7 @@ impl Display for Place {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         match self {
             Self::Device => Ok(()),
-            Self::Slot => f.write_str(" DependOnSlot=\"true\""),
+            Self::Slot => f.write_str(" DependOnSlot=\"1\""),
         }
     }
 }

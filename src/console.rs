@@ -1,12 +1,13 @@
 //! The console: a session of lines over any stream, typed by a person or piped in.
 //!
 //! In [`Mode::Echo`] bytes go through the line editor, which echoes them; in [`Mode::Plain`] they are lines of text,
-//! answered without prompt or echo, with line numbers in errors; [`Mode::Network`] also rejects other protocols by the first line.
+//! answered without prompt or echo, with line numbers in errors; [`Mode::Network`] also rejects other protocols by the first line, and asks who it is.
 //! A line is run as a command; one of the settings' language changes the gateway's draft of the settings, which is then applied.
 //!
 //! Only this file awaits. Commands are plain steps: each writes a piece of text and returns what must happen before the next one.
 
 mod ask;
+mod asks;
 mod command;
 mod complete;
 mod editor;
@@ -19,6 +20,7 @@ mod job;
 mod keys;
 mod known;
 mod layout;
+mod log_in;
 mod mode;
 mod output;
 mod point_command;
@@ -94,7 +96,7 @@ pub async fn run<IO: Read + Write, S: Store, U: Update, Y: System>(
         } else {
             stream.flush().await?;
             // Not in a function, which would store its arguments twice.
-            let mut work = pin!(work(&mut shell, store, wait));
+            let mut work = pin!(work(&mut shell, store, system, wait));
             let into = if is_idle { &mut chunk[..] } else { &mut stop[..] };
             let mut listens = wait.listens();
             loop {
@@ -130,7 +132,12 @@ fn line_end(bytes: &[u8], count: usize) -> Option<usize> {
 }
 
 /// Does what a step waits for.
-async fn work<S: Store>(shell: &mut Shell<'_, '_>, store: &mut S, wait: Wait) -> WaitEvent {
+async fn work<S: Store, Y: System>(
+    shell: &mut Shell<'_, '_>,
+    store: &mut S,
+    system: &Y,
+    wait: Wait,
+) -> WaitEvent {
     let Shell { input, session, .. } = shell;
     match wait {
         // `Update` needs the stream.
@@ -159,6 +166,8 @@ async fn work<S: Store>(shell: &mut Shell<'_, '_>, store: &mut S, wait: Wait) ->
             let loaded = reconfigure::load(session.gateway, store).await;
             session.loaded(loaded);
         }
+        Wait::LogIn => session.log_in(system, input.line()).await,
+        Wait::Password => session.set_password(system, input.line()).await,
         Wait::Reboot => session.system.reboot(),
     }
     WaitEvent::Nothing

@@ -27,6 +27,7 @@ pub(crate) mod direct_request;
 mod ethercat;
 pub(crate) mod events;
 mod keep_settings;
+pub(crate) mod log_in;
 #[doc(hidden)] // Public for tests/ only.
 pub mod outstanding;
 mod points;
@@ -46,6 +47,7 @@ pub use self::check::ApplyError;
 pub use self::connection::{Connection, ConnectionState};
 use self::direct_request::DirectRequestState;
 use self::events::Events;
+use self::log_in::Attempts;
 use self::port_state::ServerState;
 pub use self::port_state::{PortAt, PortState, Ports, Status};
 use self::shared::{Draft, Shared};
@@ -80,6 +82,8 @@ pub struct Gateway<'g> {
     pub(crate) direct_request: DirectRequestState,
     /// Event counter and log of the own unit.
     events: Shared<Events>,
+    /// Failed attempts to log in.
+    attempts: Shared<Attempts>,
     scanner: Option<&'g ScannerState>,
     capture: Option<&'g Capture>,
     ethercat: Option<&'g EthercatState>,
@@ -114,6 +118,7 @@ impl<'g> Gateway<'g> {
             turns: Turns::new(),
             direct_request: DirectRequestState::new(),
             events: Mutex::new(RefCell::new(Events::new())),
+            attempts: Mutex::new(RefCell::new(Attempts::new())),
             scanner: None,
             capture: None,
             ethercat: None,
@@ -218,6 +223,11 @@ impl<'g> Gateway<'g> {
     /// Calls `f` with the event counter and log of the own unit.
     pub(crate) fn events<R>(&self, f: impl FnOnce(&mut Events) -> R) -> R {
         self.events.lock(|events| f(&mut events.borrow_mut()))
+    }
+
+    /// Calls `f` with the failed attempts to log in.
+    pub(crate) fn attempts<R>(&self, f: impl FnOnce(&mut Attempts) -> R) -> R {
+        self.attempts.lock(|attempts| f(&mut attempts.borrow_mut()))
     }
 
     /// Calls `f` with the settings in force.

@@ -9,7 +9,7 @@ use core::net::SocketAddr;
 use embassy_time::{Duration, Instant};
 use embedded_io_async::{Read, Write};
 
-use crate::settings::{LineSettings, ServerAddress, StaticAddress, TcpListen};
+use crate::settings::{LineSettings, PasswordHash, ServerAddress, StaticAddress, TcpListen};
 
 mod relay;
 mod update;
@@ -305,6 +305,22 @@ pub trait System {
     /// Starts writing captured frames to a new `file`, instead of the previous one; `None` stops.
     fn capture(&self, _file: Option<&str>) -> Result<(), OpenError> {
         Err(OpenError::new(OpenErrorKind::Unsupported, "no files here: port NAME tcp server 5029 capture"))
+    }
+
+    /// Whether `password` is the one of `hash`. Takes as long without a hash, so that nobody learns by the time which users there are.
+    async fn is_password(&self, _hash: Option<&str>, _password: &str) -> bool
+    where
+        Self: Sized,
+    {
+        false
+    }
+
+    /// The hash of a new password, with a random salt; `None` on boards without users, or without random numbers.
+    async fn hash_password(&self, _password: &str) -> Option<PasswordHash>
+    where
+        Self: Sized,
+    {
+        None
     }
 
     /// Restarts the gateway with the saved settings; may return before it happens.

@@ -20,6 +20,7 @@ mod servers;
 mod side;
 mod slaves;
 mod time;
+mod users;
 mod whole;
 
 pub use self::address::{Allowed, IpPrefix, Prefixes};
@@ -56,4 +57,6 @@ pub use self::side::Side;
 pub(crate) use self::slaves::POLLING_MS;
 pub use self::slaves::{Cells, OnSilence, SLAVES_MAX, SlaveSettings};
 pub use self::time::Time;
+pub use self::users::PasswordHash;
+pub(crate) use self::users::{Role, USERS, USERS_MAX, User, Users};
 pub use self::whole::Settings;

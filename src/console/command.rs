@@ -10,12 +10,14 @@ use super::frames::Frames;
 use super::help::Help;
 use super::job::Job;
 use super::known::Known;
+use super::log_in::Denied;
 use super::point_command::PointCommand;
 use super::session::Session;
 use super::show::{self, Show, TOPICS, Table};
 use super::wait::{Begun, Wait};
 use crate::language::listed::listed;
 use crate::language::{Offer, Problem, VERBS, Verb, Verbs, Word, Words, Wrong};
+use crate::settings::Role::{self, Engineer, Operator, Viewer};
 
 /// Starts a command with its words. A command of several steps becomes the job.
 type Run = for<'g> fn(&mut Session<'_, 'g>, &Words<'_>, &mut Job<'g>) -> Result<Wait, Wrong>;
@@ -27,8 +29,11 @@ const POINTS: &[Offer] = &[Offer::Points];
 const COMMANDS: Verbs<Run> = &[
     (
         "show",
-        command("show TOPIC\thow things are: ports, units, routes, ...", |session, words, job| {
+        command(Viewer, "show TOPIC\thow things are: ports, units, routes, ...", |session, words, job| {
             let show = show::topic(words)?;
+            if show == Show::Secrets && (session.peer.is_some() || session.role < Engineer) {
+                return Ok(session.fail(&Denied::NotLocal));
+            }
             *job = match show {
                 Show::Frames => Job::Frames(Frames::last(session.gateway)),
                 show => Job::Show(Table::new(show)),
@@ -39,13 +44,16 @@ const COMMANDS: Verbs<Run> = &[
     ),
     (
         "ping",
-        command("ping UNIT via PORT\tasks a unit for a sign of life (function 8)", |session, words, job| {
-            begun(session.ask(Ask::Ping, words), job, Job::Ask)
-        }),
+        command(
+            Operator,
+            "ping UNIT via PORT\tasks a unit for a sign of life (function 8)",
+            |session, words, job| begun(session.ask(Ask::Ping, words), job, Job::Ask),
+        ),
     ),
     (
         "scan",
         command(
+            Engineer,
             "scan PORT [OPTION]...\tfinds the devices on a serial client's line
   OPTION: BAUD, units A-B, timeout T, function N
   At each speed it tries 8E1, 8N1, 8O1 and 8N2 (ascii: 7E1, 7N2, 7O1, 8N1).
@@ -61,6 +69,7 @@ const COMMANDS: Verbs<Run> = &[
     (
         "tune",
         command(
+            Engineer,
             "tune PORT [OPTION]...\tmeasures response times, proposes a timeout
 tune PORT [units A-B] [count N]
   Asks each unit N times (2000), those that have responded so far unless
@@ -73,6 +82,7 @@ tune PORT [units A-B] [count N]
     (
         "read",
         command(
+            Operator,
             "read UNIT|POINT ...\treads at once, and shows the values
 read POINT
 read UNIT coil|discrete|input|holding ADDRESS [OPTION]... via PORT
@@ -84,6 +94,7 @@ read UNIT coil|discrete|input|holding ADDRESS [OPTION]... via PORT
     (
         "write",
         command(
+            Operator,
             "write UNIT|POINT ...\twrites at once
 write POINT [[at N] VALUE...]\tsets its values, from value N on; between
 \tbegin and finish they are only set
@@ -96,6 +107,7 @@ write UNIT coil|holding ADDRESS [OPTION]... VALUE... via PORT
     (
         "mark",
         of_points(
+            Operator,
             "mark DEVICE FUNCTION FROM-TO\treads or writes all points there at once
   FUNCTION: 1 to 4 reads, 5, 6, 15 or 16 writes",
             |session, words, job| begun(session.point(PointCommand::Mark, words), job, Job::Point),
@@ -105,6 +117,7 @@ write UNIT coil|holding ADDRESS [OPTION]... VALUE... via PORT
     (
         "begin",
         of_points(
+            Operator,
             "begin POINT\tbegins a safe write, which finish ends
   The point is neither read nor written until then.
   It ends without a write when nothing is set for 60s.",
@@ -114,14 +127,17 @@ write UNIT coil|holding ADDRESS [OPTION]... VALUE... via PORT
     ),
     (
         "finish",
-        of_points("finish POINT\tends a safe write: the point is written", |session, words, job| {
-            begun(session.point(PointCommand::Finish, words), job, Job::Point)
-        })
+        of_points(
+            Operator,
+            "finish POINT\tends a safe write: the point is written",
+            |session, words, job| begun(session.point(PointCommand::Finish, words), job, Job::Point),
+        )
         .then(POINTS, POINTS),
     ),
     (
         "clear",
         command(
+            Operator,
             "clear stats|log\tforgets counters or transactions
 clear stats\tsets counters to zero, those of units too
 clear log\tforgets the transactions",
@@ -135,6 +151,7 @@ clear log\tforgets the transactions",
     (
         "capture",
         command(
+            Engineer,
             "capture FILE|off\twrites frames into a file, for Wireshark
 capture FILE\ta new one (PCAPNG); on Linux
 capture off\tends that
@@ -146,6 +163,7 @@ capture off\tends that
     (
         "watch",
         command(
+            Viewer,
             "watch [points]\tshows what comes, until a key or a line
 watch\tframes of all ports
 watch points\tdata points whose status or values change",
@@ -161,8 +179,20 @@ watch points\tdata points whose status or values change",
         .then(&[Offer::Words(&["points"])], &[]),
     ),
     (
+        "password",
+        command(
+            Engineer,
+            "password NAME\tsets the password of a user
+  It is asked for, at a terminal twice, and has 8 to 64 characters.",
+            |session, words, _| session.password(words),
+        )
+        .then(&[Offer::Users], &[])
+        .of_users(|session, _, _| Ok(session.fail(&Problem::NoUsers))),
+    ),
+    (
         "save",
         command(
+            Engineer,
             "save [force]\tkeeps the settings for the next start
 save\ttill then the prompt is mobgate*>
 save force\talso where the file was edited since it was read",
@@ -170,10 +200,14 @@ save force\talso where the file was edited since it was read",
         )
         .then(&[Offer::Words(&["force"])], &[]),
     ),
-    ("load", command("load\ttakes the saved settings back", |_, words, _| alone(words, Wait::Load))),
+    (
+        "load",
+        command(Engineer, "load\ttakes the saved settings back", |_, words, _| alone(words, Wait::Load)),
+    ),
     (
         "update",
         command(
+            Engineer,
             "update [older]\ttakes new firmware from this terminal, by YMODEM
 update\tthen send the file: sb in Linux and minicom,
 \tTransfer, YMODEM in Tera Term; Ctrl-C cancels
@@ -186,32 +220,36 @@ update older\talso if it is older than what runs here
     ),
     (
         "reboot",
-        command("reboot\tstarts again with the saved settings", |session, words, _| {
+        command(Engineer, "reboot\tstarts again with the saved settings", |session, words, _| {
             let wait = alone(words, Wait::Reboot)?;
             session.out.line(format_args!("starting again"));
             Ok(wait)
         }),
     ),
-    ("exit", command("exit\tends this session", |_, words, _| alone(words, Wait::Exit))),
+    ("exit", command(Viewer, "exit\tends this session", |_, words, _| alone(words, Wait::Exit))),
     (
         "help",
-        command("help [WORD]\tthis list, or all about a command", |_, words, job| {
+        command(Viewer, "help [WORD]\tthis list, or all about a command", |session, words, job| {
             let word = words.take();
             words.end()?;
-            *job = Job::Help(if word.is_end() { Help::overview(known) } else { Help::of(find(word)?) });
+            *job = Job::Help(if word.is_end() {
+                Help::overview(known, session.role)
+            } else {
+                Help::of(find(word)?)
+            });
             Ok(Wait::Sent)
         })
         .then(&[Offer::Verbs], &[]),
     ),
 ];
 
-const fn command(help: &'static str, run: Run) -> Verb<Run> {
-    Verb::new(help, run)
+const fn command(role: Role, help: &'static str, run: Run) -> Verb<Run> {
+    Verb::new(role, help, run)
 }
 
 /// A command of data points; refused by images without them.
-const fn of_points(help: &'static str, run: Run) -> Verb<Run> {
-    command(help, run).of_points(|session, _, _| Ok(session.fail(&Problem::NoPoints)))
+const fn of_points(role: Role, help: &'static str, run: Run) -> Verb<Run> {
+    command(role, help, run).of_points(|session, _, _| Ok(session.fail(&Problem::NoPoints)))
 }
 
 /// Words of other consoles, with their equivalents here.
@@ -273,15 +311,15 @@ impl<'g> Session<'_, 'g> {
         if verb.is_end() {
             return Ok(Wait::End);
         }
-        let command = verb.lookup(COMMANDS);
-        if command.is_none() {
-            find(verb)?;
-        }
+        let known = find(verb)?;
         if words.peek().is("?") {
-            *job = Job::Help(Help::of(find(verb)?));
+            *job = Job::Help(Help::of(known));
             return Ok(Wait::Sent);
         }
-        match command {
+        if self.role < known.role {
+            return Ok(self.fail(&Denied::Role { needed: known.role, own: self.role }));
+        }
+        match verb.lookup(COMMANDS) {
             Some(command) => (command.run)(self, words, job),
             None => Ok(self.change()),
         }

@@ -42,6 +42,8 @@ pub(super) enum Event {
 /// The line being edited.
 pub(super) struct Editor {
     prompt: &'static str,
+    /// The line is neither shown nor kept in the history.
+    secret: bool,
     columns: usize,
     /// Set if two Ctrl-C on an empty line end the program; whether the first was received.
     stops: bool,
@@ -63,6 +65,7 @@ impl Editor {
     pub(super) fn new(prompt: &'static str, stops: bool) -> Self {
         Self {
             prompt,
+            secret: false,
             columns: COLUMNS,
             stops,
             stop_asked: false,
@@ -92,9 +95,9 @@ impl Editor {
         text(self.line.get(..self.cursor).unwrap_or_default())
     }
 
-    /// Sets the prompt from the next line on.
-    pub(super) fn set_prompt(&mut self, prompt: &'static str) {
-        self.prompt = prompt;
+    /// Sets the prompt from the next line on, and whether that is a secret.
+    pub(super) fn set_prompt(&mut self, prompt: &'static str, secret: bool) {
+        (self.prompt, self.secret) = (prompt, secret);
     }
 
     /// Starts an empty line.
@@ -182,10 +185,11 @@ impl Editor {
     /// Redraws prompt and line, and places the cursor.
     pub(super) fn redraw(&mut self) {
         let room = self.columns - 1 - self.prompt.len().min(self.columns / 2);
-        let first = self.cursor.saturating_sub(room);
-        let last = self.line.len().min(first + room);
-        let shown = text(self.line.get(first..last).unwrap_or_default());
-        let column = self.prompt.len() + self.cursor - first;
+        let (line, cursor) = if self.secret { (&[][..], 0) } else { (self.line.as_slice(), self.cursor) };
+        let first = cursor.saturating_sub(room);
+        let last = line.len().min(first + room);
+        let shown = text(line.get(first..last).unwrap_or_default());
+        let column = self.prompt.len() + cursor - first;
         let _ = write!(self.echo, "\r{}{shown}\x1b[K\r\x1b[{column}C", self.prompt);
     }
 
@@ -195,7 +199,9 @@ impl Editor {
             return Event::LineTooLong;
         }
         self.forget_draft();
-        self.history.push(&self.line);
+        if !self.secret {
+            self.history.push(&self.line);
+        }
         Event::Line
     }
 
@@ -206,7 +212,7 @@ impl Editor {
         }
         self.cursor += 1;
         let fits = self.prompt.len() + self.line.len() < self.columns;
-        if fits && self.cursor == self.line.len() {
+        if fits && self.cursor == self.line.len() && !self.secret {
             let _ = self.echo.push(char::from(byte));
         } else {
             self.redraw();
@@ -240,7 +246,7 @@ impl Editor {
 
     /// Shows the line `back` lines ago.
     fn browse(&mut self, back: Option<usize>) {
-        let Some(back) = back else { return self.bell() };
+        let Some(back) = back.filter(|_| !self.secret) else { return self.bell() };
         if self.back == 0 {
             self.history.keep(&self.line);
         }

@@ -4,6 +4,7 @@ use core::str::Lines;
 
 use super::known::Known;
 use super::show::{Show, TOPICS};
+use crate::settings::Role;
 
 /// Columns of the syntax, where its meaning follows.
 pub(super) const TYPED_COLUMNS: usize = 29;
@@ -11,16 +12,16 @@ pub(super) const TYPED_COLUMNS: usize = 29;
 /// The remaining lines.
 #[derive(Debug, Clone)]
 pub(super) enum Help {
-    /// The first lines of all commands, by index, from an index on.
-    Overview(fn(usize) -> Option<Known>, usize),
+    /// The first lines of all commands of a role, by index, from an index on.
+    Overview(fn(usize) -> Option<Known>, Role, usize),
     /// These lines, then these topics.
     Topic(Lines<'static>, &'static [(&'static str, (Show, &'static str))]),
 }
 
 impl Help {
-    /// Of all commands.
-    pub(super) fn overview(known: fn(usize) -> Option<Known>) -> Self {
-        Self::Overview(known, 0)
+    /// Of all commands that `role` may run.
+    pub(super) fn overview(known: fn(usize) -> Option<Known>, role: Role) -> Self {
+        Self::Overview(known, role, 0)
     }
 
     /// The text about a command.
@@ -39,10 +40,10 @@ impl Help {
                     return Some((name, does));
                 }
             },
-            Self::Overview(known, at) => loop {
+            Self::Overview(known, role, at) => loop {
                 let command = known(*at)?;
                 *at += 1;
-                if command.exists {
+                if command.exists && command.role <= *role {
                     break command.help.lines().next()?;
                 }
             },

@@ -2,6 +2,7 @@
 
 use core::fmt;
 
+use super::asks::Asks;
 use super::editor::{Editor, Event};
 use super::guard::{Foreign, Guard};
 use super::keys::{Key, Keys, Stripped};
@@ -45,19 +46,25 @@ impl Input {
             Mode::Echo => Self::Keys(Editor::new(PROMPT, false)),
             Mode::Foreground => Self::Keys(Editor::new(PROMPT, true)),
             Mode::Plain => Self::Text(LineBuffer::default(), Keys::default(), None),
-            Mode::Network => Self::Text(LineBuffer::default(), Keys::default(), Some(Guard::default())),
+            Mode::Network(_) => Self::Text(LineBuffer::default(), Keys::default(), Some(Guard::default())),
         }
     }
 
-    /// Starts an empty line.
-    pub(super) fn start(&mut self, prompt: &'static str, out: &mut Output) {
+    /// Starts an empty line; `prompt` is that of commands.
+    pub(super) fn start(&mut self, prompt: &'static str, asks: &Asks, out: &mut Output) {
         match self {
             Self::Keys(editor) => {
-                editor.set_prompt(prompt);
+                editor.set_prompt(asks.prompt().unwrap_or(prompt), asks.is_secret());
                 editor.start();
                 editor.echo_to(out);
             }
-            Self::Text(line, ..) => line.clear(),
+            Self::Text(line, _, guard) => {
+                line.clear();
+                // A text or a program at the gateway needs no prompt.
+                if let (Some(prompt), Some(_)) = (asks.prompt(), guard) {
+                    out.put(format_args!("{prompt}"));
+                }
+            }
         }
     }
 
@@ -111,7 +118,8 @@ impl Input {
     pub(super) fn line(&self) -> &str {
         match self {
             Self::Keys(editor) => editor.line(),
-            Self::Text(line, ..) => line.text().unwrap_or_default(),
+            // Both bytes of a line end are none of the line.
+            Self::Text(line, ..) => line.text().unwrap_or_default().trim_end_matches('\r'),
         }
     }
 }

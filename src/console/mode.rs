@@ -1,5 +1,7 @@
 //! How a session talks to its peer, and how it ends.
 
+use core::net::IpAddr;
+
 use super::guard::Foreign;
 
 pub(super) const PROMPT: &str = "mobgate> ";
@@ -14,14 +16,22 @@ pub enum Mode {
     Foreground,
     /// A program, a file, or a terminal that edits lines itself.
     Plain,
-    /// Lines over a network: a [`Foreign`] protocol ends the session.
-    Network,
+    /// Lines over a network, from this address: a [`Foreign`] protocol ends the session, and a user must log in.
+    Network(IpAddr),
 }
 
 impl Mode {
     /// Whether its user is at the gateway, and may go back to older firmware.
     pub(super) fn is_local(self) -> bool {
-        self != Self::Network
+        self.peer().is_none()
+    }
+
+    /// Where its user is, if elsewhere.
+    pub(super) fn peer(self) -> Option<IpAddr> {
+        match self {
+            Self::Network(peer) => Some(peer),
+            _ => None,
+        }
     }
 
     /// Whether the session edits lines.

@@ -1,7 +1,9 @@
 //! The state that commands work on.
 
 use core::fmt;
+use core::net::IpAddr;
 
+use super::asks::Asks;
 use super::mode::{Ended, Mode};
 use super::output::{COLUMNS, Output};
 use super::wait::Wait;
@@ -12,14 +14,22 @@ use crate::gateway::reconfigure::Unchanged;
 use crate::hal::{StoreError, System};
 use crate::language::Warning;
 use crate::scanner::Pdu;
-use crate::settings::PortId;
+use crate::settings::{PortId, Role};
 
 /// The session as its commands see it.
 pub(super) struct Session<'s, 'g> {
     pub(super) gateway: &'s Gateway<'g>,
     pub(super) system: &'s dyn System,
-    /// Whether the user is at the gateway.
-    pub(super) is_local: bool,
+    /// Where the user is, if not at the gateway.
+    pub(super) peer: Option<IpAddr>,
+    /// What the user may do.
+    pub(super) role: Role,
+    /// What the next line is.
+    pub(super) asks: Asks,
+    /// Wrong passwords so far.
+    pub(super) failures: u8,
+    /// No further line is read.
+    pub(super) ends: bool,
     pub(super) out: Output,
     /// The line number for errors, in sessions without an editor.
     pub(super) line_number: Option<u32>,
@@ -40,7 +50,12 @@ impl<'s, 'g> Session<'s, 'g> {
         Self {
             gateway,
             system,
-            is_local: mode.is_local(),
+            peer: mode.peer(),
+            // Least, until somebody has logged in.
+            role: if mode.is_local() { Role::Engineer } else { Role::Viewer },
+            asks: Asks::first(mode.peer()),
+            failures: 0,
+            ends: false,
             out: Output::new(line_end, columns),
             line_number,
             line_writer: None,
@@ -57,8 +72,8 @@ impl Session<'_, '_> {
     pub(super) fn fail(&mut self, what: &dyn fmt::Display) -> Wait {
         self.ended = Ended::Left { refused: true };
         match self.line_number {
-            Some(number) => self.out.line(format_args!("error: line {number}, {what}")),
-            None => self.out.line(format_args!("error: {what}")),
+            Some(number @ 1..) => self.out.line(format_args!("error: line {number}, {what}")),
+            _ => self.out.line(format_args!("error: {what}")),
         }
         Wait::End
     }

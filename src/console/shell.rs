@@ -22,21 +22,19 @@ pub(super) struct Shell<'s, 'g> {
 
 impl<'s, 'g> Shell<'s, 'g> {
     pub(super) fn new(gateway: &'s Gateway<'g>, system: &'s dyn System, mode: Mode) -> Self {
-        Self {
-            input: Input::new(mode),
-            session: Session::new(gateway, system, mode),
-            job: Job::Idle,
-            ended: false,
-        }
+        let mut session = Session::new(gateway, system, mode);
+        session.check_users();
+        Self { input: Input::new(mode), session, job: Job::Idle, ended: false }
     }
 
     /// Waits for the first key of a line.
     pub(super) fn start(&mut self) -> Wait {
-        if self.ended {
+        let Self { session, input, ended, .. } = self;
+        if *ended || session.ends {
             return Wait::Exit;
         }
-        let prompt = if self.session.gateway.has_unsaved() { PROMPT_UNSAVED } else { PROMPT };
-        self.input.start(prompt, &mut self.session.out);
+        let prompt = if session.gateway.has_unsaved() { PROMPT_UNSAVED } else { PROMPT };
+        input.start(prompt, &session.asks, &mut session.out);
         Wait::Key
     }
 
@@ -85,13 +83,17 @@ impl<'s, 'g> Shell<'s, 'g> {
     fn typed(&mut self, typed: Typed) -> Wait {
         let Self { input, session, job, .. } = self;
         if let (Typed::Line | Typed::Wrong(_), Some(number)) = (&typed, &mut session.line_number) {
-            *number = number.saturating_add(1);
+            *number = number.saturating_add(u32::from(!session.asks.is_log_in()));
         }
         match typed {
             Typed::More => Wait::Key,
             Typed::Columns(columns) => {
                 session.out.columns = Some(columns);
                 Wait::Key
+            }
+            Typed::Line if session.asks.prompt().is_some() => {
+                let edits = matches!(input, Input::Keys(_));
+                session.answered(input.line(), edits)
             }
             Typed::Line => {
                 let words = Words::new(input.line());
@@ -122,6 +124,9 @@ impl<'s, 'g> Shell<'s, 'g> {
     /// Completes the word at the cursor, or lists the candidates.
     fn complete(&mut self) {
         let Self { input: Input::Keys(editor), session, .. } = self else { return };
+        if session.asks.prompt().is_some() {
+            return;
+        }
         let before = editor.before_cursor();
         match session.gateway.settings(|settings| complete(before, settings)) {
             Completion::None => editor.bell(),

@@ -16,8 +16,8 @@ use crate::fieldbus::{Controller, EthercatState, LineWriter};
 use crate::gateway::unit_health::{UNITS_MAX, Unit};
 use crate::hal::{NetworkState, System};
 use crate::language::listed::listed;
-use crate::language::{Words, Wrong, write_line};
-use crate::settings::{Endpoint, PortKind, SERVERS, ServerSettings, Settings, Side};
+use crate::language::{Words, Wrong, write_shown_line};
+use crate::settings::{Endpoint, PortKind, SERVERS, ServerSettings, Settings, Side, User};
 use crate::stats::{Event, LOG_ENTRIES_MAX, LastError};
 
 /// The topics of `show`.
@@ -32,7 +32,10 @@ pub(super) enum Show {
     Points,
     Devices,
     Registers,
+    Users,
     Config,
+    /// The same with the hashes of passwords.
+    Secrets,
     Network,
     Log,
     Frames,
@@ -51,7 +54,8 @@ pub(super) const TOPICS: &[(&str, (Show, &str))] = &[
     ("points", (Show::Points, "data points: how they do, and their values")),
     ("devices", (Show::Devices, "the devices that the scanner polls")),
     ("registers", (Show::Registers, "the gateway's own, where a rule leads to local")),
-    ("config", (Show::Config, "the settings as lines that make them")),
+    ("users", (Show::Users, "who may log in")),
+    ("config", (Show::Config, "the settings as lines; config secrets: with hashes")),
     ("network", (Show::Network, "the board's own address")),
     ("log", (Show::Log, "the last transactions")),
     ("frames", (Show::Frames, "the last frames, as they were on the wire")),
@@ -75,8 +79,12 @@ pub(super) fn topic(words: &Words<'_>) -> Result<Show, Wrong> {
     let word = words.take();
     let name = |at: usize| TOPICS.get(at).map(|(name, _)| *name);
     let (show, _) = word.lookup(TOPICS).ok_or_else(|| word.unknown(&name, ELSEWHERE, TOPICS_EXPECTED))?;
+    let secrets = show == Show::Config && words.peek().is("secrets");
+    if secrets {
+        words.take();
+    }
     words.end()?;
-    Ok(show)
+    Ok(if secrets { Show::Secrets } else { show })
 }
 
 /// A table being shown. Its content may change between rows.
@@ -128,7 +136,9 @@ fn write(
         Show::Points => points::row(source, place, out),
         Show::Devices => points::device(source, place, out),
         Show::Registers => registers::row(source, place, out),
-        Show::Config => write_line(source.settings, place, out),
+        Show::Users => table(USERS, user, out),
+        Show::Config => write_shown_line(source.settings, place, false, out),
+        Show::Secrets => write_shown_line(source.settings, place, true, out),
         Show::Network => network(source.settings, system.network(), place, out),
         Show::Log => event(source, system, place, out),
         Show::Version => version(source, system, place, out),
@@ -144,6 +154,7 @@ const fn columns(what: Show) -> Columns {
         Show::Servers => &[15, 7, 4, 21],
         Show::Routes => &[-3, 15, 7, 18, 4, 15, 7],
         Show::Units => &[15, -4, 11, -10, -10, -10, -10, -9, -9, -9],
+        Show::Users => &[15, 8],
         Show::Clients => &[15, 21, -9, -9, -4, -10],
         Show::Stats => &[15, 13, -10, -10],
         Show::Log => &[-9, 15, -4, 15, -6, -8, -10],
@@ -151,7 +162,7 @@ const fn columns(what: Show) -> Columns {
         Show::Registers => &[5, 7],
         Show::Points => points::COLUMNS,
         Show::Devices => points::DEVICE_COLUMNS,
-        Show::Config | Show::Frames | Show::Version | Show::Update => &[],
+        Show::Config | Show::Secrets | Show::Frames | Show::Version | Show::Update => &[],
     }
 }
 
@@ -160,6 +171,7 @@ const SERVER_LINES: &str = "PORT\tUNITS\tTAG\tWHERE\tSTATUS";
 const ROUTES: &str = "NO\tSOURCE\tUNITS\tIP\tTAG\tDESTINATION\tKIND\tPOLICY";
 const UNITS: &str = "PORT\tUNIT\tSTATE\tREQUESTS\tANSWERS\tEXCEPTIONS\tTIMEOUTS\tLAST\tP50\tP99\tTROUBLES";
 const CLIENTS: &str = "PORT\tPEER\tSINCE\tQUIET\tOPEN\tREQUESTS\tPLACE";
+const USERS: &str = "NAME\tROLE\tPASSWORD";
 const STATS: &str = "PORT\tEVENT\tCOUNT\tPER-MINUTE";
 const NETWORK: &str = "LINK\tADDRESS\tGATEWAY\tETHERNET\tSETTING";
 const LOG: &str = "AGE\tSOURCE\tUNIT\tDESTINATION\tTARGET\tFUNCTION\tTOOK\tOUTCOME";
@@ -229,6 +241,12 @@ fn client(source: &Source<'_, '_>, nth: usize, out: &mut dyn fmt::Write) -> Writ
     let (open, requests) = (state.open_requests, state.requests);
     let place = if state.marked { "reserved" } else { "ordinary" };
     Some(write!(out, "{port}\t{peer}\t{since}\t{quiet}\t{open}\t{requests}\t{place}"))
+}
+
+fn user(source: &Source<'_, '_>, nth: usize, out: &mut dyn fmt::Write) -> Written {
+    let User { name, role, password } = source.settings.users.get(nth)?;
+    let password = if password.is_some() { "set" } else { "none: cannot log in" };
+    Some(write!(out, "{name}\t{role}\t{password}"))
 }
 
 /// The counters of all ports, then their last errors, then those of frames.

@@ -8,6 +8,9 @@ mod help;
 mod points;
 mod saving;
 mod terminal;
+// As above.
+#[cfg(feature = "users")]
+mod users;
 
 extern crate std;
 use std::cell::Cell;
@@ -28,7 +31,7 @@ use crate::gateway::{Connection, Ports};
 use crate::hal::{NetworkState, NoUpdate, StoreError};
 use crate::modbus::Exception;
 use crate::scanner::ScannerState;
-use crate::settings::{LINE_BYTES_MAX, OwnNetwork, PortId, StaticAddress};
+use crate::settings::{LINE_BYTES_MAX, OwnNetwork, PasswordHash, PortId, StaticAddress};
 use crate::stats::{Event, LogEntry, Outcome};
 
 /// Gives what was typed in pieces of one size, and keeps what is printed.
@@ -113,6 +116,14 @@ impl System for Bench {
         self.events.get(n).map(|event| out.write_str(event))
     }
 
+    async fn is_password(&self, hash: Option<&str>, password: &str) -> bool {
+        hash == Some(users::HASH) && password == "let me in"
+    }
+
+    async fn hash_password(&self, _: &str) -> Option<PasswordHash> {
+        users::HASH.try_into().ok()
+    }
+
     fn reboot(&self) {
         self.reboots.set(self.reboots.get() + 1);
     }
@@ -194,7 +205,7 @@ fn an_error_in_piped_input_names_its_line_and_the_rest_goes_on() {
              error: line 3, column 33: \"81E\": expected a format such as 8E1, 7E1, 8N1 or 8N2\n\
              error: line 5, column 1: \"shwo\": expected a command (see help); did you mean show?\n\
              error: line 6, column 6: \"prots\": expected ports, servers, routes, units, clients, stats, points, \
-             devices, registers, config, network, log, frames, version or update; did you mean ports?\n\
+             devices, registers, users, config, network, log, frames, version or update; did you mean ports?\n\
              error: line 7, column 12: \"now\": expected the end of the line\n"
         );
         assert_eq!(pipe(gateway, "show config"), "port P1 serial uart1 rtu client 19200 8E1\n");

@@ -132,7 +132,7 @@ impl Session<'_, '_> {
             word.keyword(&[("older", ())], "older")?;
             words.end()?;
         }
-        if allow_older && !self.is_local {
+        if allow_older && self.peer.is_some() {
             return Ok(self.fail(&"older firmware is taken at the gateway's own terminal only"));
         }
         Ok(Wait::Update { allow_older })

@@ -38,6 +38,9 @@ pub(super) enum Wait {
     Update {
         allow_older: bool,
     },
+    /// The password that was typed to be checked, or to become that of a user.
+    LogIn,
+    Password,
     Reboot,
     /// The end of the command.
     End,

@@ -13,7 +13,7 @@ use crate::gateway::{ApplyError, Gateway};
 use crate::hal::{Store, StoreError};
 use crate::language;
 use crate::language::{LineError, LoadError, WORD_BYTES_MAX, Warning};
-use crate::settings::Settings;
+use crate::settings::{PasswordHash, Settings};
 
 /// Why the settings did not change.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
@@ -72,6 +72,22 @@ pub async fn change(gateway: &Gateway<'_>, line: &str) -> Result<Option<Warning>
         gateway.set_unsaved(true);
     }
     Ok(applied.warning)
+}
+
+/// Sets the password of `user`, who may be gone by now.
+pub(crate) async fn set_password(
+    gateway: &Gateway<'_>,
+    user: &str,
+    hash: PasswordHash,
+) -> Result<(), Unchanged> {
+    let mut draft = draft(gateway).await;
+    gateway.settings(|settings| draft.clone_from(settings));
+    if let Some(user) = draft.users.iter_mut().find(|known| known.name == user) {
+        user.password = Some(hash);
+        gateway.apply(&draft)?;
+        gateway.set_unsaved(true);
+    }
+    Ok(())
 }
 
 /// Writes the settings to `store`; `whatever`: even if the text there was changed by others.

@@ -11,7 +11,7 @@ use super::problem::Problem;
 use super::route_words::route;
 use super::values::{name, number};
 use super::words::{Word, Words, Wrong};
-use super::{mdns, own_network, point_checks, point_words, port_kinds, route_words, servers, slaves};
+use super::{mdns, own_network, point_checks, point_words, port_kinds, route_words, servers, slaves, users};
 use crate::scanner::POINTS;
 use crate::settings::{
     Destination, Name, PORTS_MAX, Port, PortId, PortKind, ROUTES_MAX, Route, Rules, SERVERS, Settings,
@@ -183,6 +183,7 @@ enum Thing {
     Point,
     Slave,
     Slaves,
+    User,
 }
 
 /// Deletable items.
@@ -195,6 +196,7 @@ const THINGS: &[(&str, Thing)] = &[
     ("point", Thing::Point),
     ("slave", Thing::Slave),
     ("slaves", Thing::Slaves),
+    ("user", Thing::User),
 ];
 const THINGS_EXPECTED: &str = listed!(THINGS);
 const ROUTE: (&str, Thing) = ("route", Thing::Route);
@@ -269,6 +271,11 @@ pub(crate) fn delete(settings: &mut Settings, words: &Words<'_>) -> Result<Chang
         Thing::Routes => {
             words.end()?;
             settings.routes.clear();
+        }
+        Thing::User => {
+            let word = words.take();
+            words.end()?;
+            return users::delete_user(settings, word);
         }
         _ if !POINTS => return Err(words.take().error(Problem::NoPoints)),
         Thing::Slaves => {

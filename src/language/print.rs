@@ -1,4 +1,4 @@
-//! Prints settings as the lines that recreate them: network and discovery, ports, servers, rules in order, devices, points and
+//! Prints settings as the lines that recreate them: users, network and discovery, ports, servers, rules in order, devices, points and
 //! slaves.
 
 use core::fmt::{self, Display, Write};
@@ -20,8 +20,26 @@ pub const SPEED_BYTES_MAX: usize = 16;
 
 /// Writes line `n` (from 0) of the settings, without line end; `None` after the last line.
 ///
-/// A line contains every value that differs from its default, and always the baud rate and format.
+/// A line contains every value that differs from its default, and always the baud rate and format. The lines of users have the
+/// hashes of their passwords.
 pub fn write_line(settings: &Settings, n: usize, out: &mut dyn Write) -> Option<fmt::Result> {
+    write_shown_line(settings, n, true, out)
+}
+
+/// The same with or without secrets.
+pub(crate) fn write_shown_line(
+    settings: &Settings,
+    n: usize,
+    secrets: bool,
+    out: &mut dyn Write,
+) -> Option<fmt::Result> {
+    if let Some(user) = settings.users.get(n) {
+        return Some(match &user.password {
+            Some(password) if secrets => write!(out, "user {user} password \"{password}\""),
+            _ => write!(out, "user {user}"),
+        });
+    }
+    let n = n - settings.users.len();
     let n = match &settings.network {
         Some(network) if n == 0 => return Some(write!(out, "network {network}")),
         Some(_) => n - 1,

@@ -148,6 +148,18 @@ pub enum Problem {
     /// The feature `servers` is off.
     #[error("on this board a tcp client has one server, at an address")]
     NoServers,
+    /// There is no room for another user.
+    #[error("there are {0} users already, the maximum")]
+    UsersFull(usize),
+    /// There is no user of this name.
+    #[error("there is no user of this name")]
+    NoSuchUser,
+    /// The feature `users` is off.
+    #[error("this board has no users: its console is local")]
+    NoUsers,
+    /// Not the hash of a password.
+    #[error("expected a hash as show config secrets prints it; the command password NAME makes one")]
+    NoHash,
     /// RTU characters have 8 data bits (Serial Line 2.5.1).
     #[error("RTU needs 8 data bits, such as 8E1")]
     RtuDataBits,

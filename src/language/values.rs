@@ -100,12 +100,16 @@ pub(crate) fn is_name(word: Word) -> bool {
 
 /// Parses a port name.
 pub(crate) fn name(word: Word) -> Result<Name, Wrong> {
+    named(
+        word,
+        "a port name: a letter, then letters, digits, - _ or ., at most 15, not local, discard or nopath",
+    )
+}
+
+/// Parses a name; the error says what was `expected`.
+pub(crate) fn named(word: Word, expected: &'static str) -> Result<Name, Wrong> {
     let name = if is_name(word) { Name::try_from(word.text).ok() } else { None };
-    name.ok_or_else(|| {
-        word.expected(
-            "a port name: a letter, then letters, digits, - _ or ., at most 15, not local, discard or nopath",
-        )
-    })
+    name.ok_or_else(|| word.expected(expected))
 }
 
 /// Parses an address or prefix; bits after the prefix are cleared.

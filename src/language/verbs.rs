@@ -3,9 +3,9 @@
 //! A verb is declared once, in a table: [`VERBS`] contains those of the settings; the console has its own table.
 
 use super::changes::{self, Change, option_words};
-use super::{mdns, own_network, point_words, servers, slaves};
+use super::{mdns, own_network, point_words, servers, slaves, users};
 use crate::scanner::POINTS;
-use crate::settings::SERVERS;
+use crate::settings::{Role, SERVERS, USERS};
 
 /// A verb of the language, and the `Run` that executes its lines.
 #[derive(Clone, Copy)]
@@ -19,6 +19,8 @@ pub(crate) struct Verb<Run> {
     pub(crate) later: &'static [Offer],
     /// The feature missing from the image, if any; the verb is then refused.
     pub(crate) lacks: Option<Lack>,
+    /// The least role that may run it.
+    pub(crate) role: Role,
     pub(crate) run: Run,
 }
 
@@ -38,6 +40,7 @@ pub(crate) enum Offer {
     Ports,
     Devices,
     Points,
+    Users,
 }
 
 /// A part of the gateway that some images lack.
@@ -45,12 +48,13 @@ pub(crate) enum Offer {
 pub(crate) enum Lack {
     Points,
     Servers,
+    Users,
 }
 
 impl<Run: Copy> Verb<Run> {
     /// A verb without completion.
-    pub(crate) const fn new(help: &'static str, run: Run) -> Self {
-        Self { help, second: &[], later: &[], lacks: None, run }
+    pub(crate) const fn new(role: Role, help: &'static str, run: Run) -> Self {
+        Self { help, second: &[], later: &[], lacks: None, role, run }
     }
 
     /// Adds completions.
@@ -62,7 +66,20 @@ impl<Run: Copy> Verb<Run> {
     pub(crate) const fn of_points(self, absent: Run) -> Self {
         match POINTS {
             true => self,
-            false => Self { lacks: Some(Lack::Points), ..Self::new("this board has no data points", absent) },
+            false => Self {
+                lacks: Some(Lack::Points),
+                ..Self::new(self.role, "this board has no data points", absent)
+            },
+        }
+    }
+
+    /// The same in images without users.
+    pub(crate) const fn of_users(self, absent: Run) -> Self {
+        match USERS {
+            true => self,
+            false => {
+                Self { lacks: Some(Lack::Users), ..Self::new(self.role, "this board has no users", absent) }
+            }
         }
     }
 }
@@ -74,10 +91,13 @@ const POINTS_AND_OPTIONS: &[Offer] =
 const ROUTE: &[Offer] = &[Offer::Words(&["route"])];
 const NETWORK: &[Offer] = &[Offer::Each(|each| own_network::keywords().for_each(each))];
 const MDNS: &[Offer] = &[Offer::Each(|each| mdns::keywords().for_each(each))];
+const USERS_OFFERED: &[Offer] = &[Offer::Users];
+const ROLES_OFFERED: &[Offer] = &[Offer::Words(&["role", "viewer", "operator", "engineer"])];
 const THINGS: &[Offer] = &[Offer::Each(|each| changes::things().for_each(each))];
 
+/// A verb of the settings, which engineers change.
 const fn verb(help: &'static str, run: Change) -> Verb<Change> {
-    Verb::new(help, run)
+    Verb::new(Role::Engineer, help, run)
 }
 
 /// The verbs of the settings.
@@ -222,7 +242,8 @@ delete routes\tall rules
 delete device NAME
 delete point NAME
 delete slave N
-delete slaves\tall of them",
+delete slaves\tall of them
+delete user NAME",
             changes::delete,
         )
         .then(THINGS, PORTS_AND_OPTIONS),
@@ -249,6 +270,19 @@ mdns off\tannounces nothing",
             changes::mdns_line,
         )
         .then(MDNS, MDNS),
+    ),
+    (
+        "user",
+        verb(
+            "user NAME role viewer|operator|engineer\twho may log in
+  viewer: shows; operator: also reads and writes devices; engineer: all.
+  The command password NAME sets the password; until then NAME cannot log in.
+  The local console needs none, and its users are engineers.
+  user anna role operator",
+            users::user,
+        )
+        .then(USERS_OFFERED, ROLES_OFFERED)
+        .of_users(changes::absent),
     ),
 ];
 

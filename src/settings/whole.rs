@@ -6,7 +6,7 @@ use crate::scanner::{DEVICES_MAX, POINTS};
 use crate::settings::{
     Destination, DeviceSettings, Mdns, OwnNetwork, POINTS_MAX, PORTS_MAX, PointSettings, Port, PortId,
     PortKind, ROUTES_MAX, Route, SERVERS, SERVERS_MAX, SLAVES_MAX, ServerSettings, SlaveSettings,
-    TcpServerSettings,
+    TcpServerSettings, User, Users,
 };
 
 /// Everything that `save` stores and `show config` prints.
@@ -28,6 +28,8 @@ pub struct Settings {
     pub points: Vec<PointSettings, POINTS_MAX>,
     /// The devices behind the EtherCAT process image, in the order of their values.
     pub slaves: Vec<SlaveSettings, SLAVES_MAX>,
+    /// Who may log in.
+    pub(crate) users: Users,
 }
 
 impl Settings {
@@ -42,6 +44,7 @@ impl Settings {
             devices: Vec::new(),
             points: Vec::new(),
             slaves: Vec::new(),
+            users: Vec::new(),
         }
     }
 
@@ -55,6 +58,7 @@ impl Settings {
         self.devices.clear();
         self.points.clear();
         self.slaves.clear();
+        self.users.clear();
     }
 
     /// How the board gets its own address.
@@ -96,6 +100,11 @@ impl Settings {
         self.port(id).map_or("?", |port| &port.name)
     }
 
+    /// The user called `name`.
+    pub(crate) fn user(&self, name: &str) -> Option<&User> {
+        self.users.iter().find(|user| user.name == name)
+    }
+
     /// A destination as named in rules.
     pub fn destination(&self, destination: Destination) -> &str {
         match destination {
@@ -116,7 +125,7 @@ impl Clone for Settings {
 
     /// Copies field by field: the whole is too large for the stack of a small board.
     fn clone_from(&mut self, source: &Self) {
-        let Self { network, mdns, ports, servers, routes, devices, points, slaves } = source;
+        let Self { network, mdns, ports, servers, routes, devices, points, slaves, users } = source;
         self.network.clone_from(network);
         self.mdns.clone_from(mdns);
         self.ports.clone_from_slice(ports);
@@ -129,6 +138,7 @@ impl Clone for Settings {
             copy_list(&mut self.points, points);
             copy_list(&mut self.slaves, slaves);
         }
+        copy_list(&mut self.users, users);
     }
 }
 

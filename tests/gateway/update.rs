@@ -29,6 +29,10 @@ impl System for Board {
         "board"
     }
 
+    async fn is_password(&self, hash: Option<&str>, password: &str) -> bool {
+        hash.is_some() && password == "let me in"
+    }
+
     fn firmware(&self) -> Option<FirmwareState> {
         self.firmware.clone()
     }
@@ -38,6 +42,10 @@ impl System for Board {
     }
 }
 
+/// An engineer who may log in over a network.
+const USER: &str = "user anna role engineer password \
+    \"$argon2id$v=19$m=8,t=1,p=1$MDEyMzQ1Njc4OWFiY2RlZg$MbnuQj2xrGASZb+GaVRPOkBaCDUjNErQQKePN3mCUfA\"";
+
 /// Lets `scenario` sit at a console of a gateway.
 fn at_console(
     seed: u64,
@@ -46,7 +54,7 @@ fn at_console(
     scenario: impl AsyncFnOnce(Sender<ClientStream>),
 ) -> Option<Ended> {
     let mut ended = None;
-    rig::with_gateway(seed, "", |world, rig| {
+    rig::with_gateway(seed, USER, |world, rig| {
         let network = Network::new(seed);
         let mut host = network.host();
         let listen = TcpListen { address: None, port: 23 };
@@ -193,11 +201,11 @@ fn who_sends_nothing_or_cancels_or_breaks_off_gets_the_console_back() {
 
 #[test]
 fn older_firmware_is_allowed_by_a_word_and_at_the_gateway_only() {
-    for (mode, allowed) in [(Mode::Echo, true), (Mode::Network, false)] {
+    for (mode, allowed) in [(Mode::Echo, true), (Mode::Network(machine(1)), false)] {
         let (mut firmware, board) = (Firmware::default(), Board::default());
         let kept = firmware.clone();
         at_console(1, (USB, mode), (&mut firmware, &board), async |mut sender| {
-            sender.type_in(if mode == Mode::Echo { "update older\r" } else { "update older\n" }).await;
+            sender.type_in(if allowed { "update older\r" } else { "anna\nlet me in\nupdate older\n" }).await;
             if allowed {
                 sender.read_for(150 * MS).await;
                 assert_eq!(sender.send(&image(500), true, true).await, Ok(()));

@@ -77,8 +77,8 @@ pub struct Options {
     #[arg(long, verbatim_doc_comment, value_name = "PATH|off")]
     pub socket: Option<SocketPlace>,
 
-    /// Also offer the console on a TCP port, without a password, to anyone
-    /// who can reach it [default: off]
+    /// Also offer the console on a TCP port of this machine, to users who
+    /// log in [default: off]
     #[arg(long, verbatim_doc_comment, value_name = "[ADDR:]PORT|off")]
     pub console: Option<ConsolePort>,
 }
@@ -178,7 +178,12 @@ impl FromStr for ConsolePort {
             return Ok(Self(None));
         }
         let TcpListen { address, port } = listen(text)?;
-        Ok(Self(Some(TcpListen { address: address.or(Some(THIS_MACHINE)), port })))
+        let address = address.unwrap_or(THIS_MACHINE);
+        // Passwords that are typed there can be read by whoever carries them.
+        if !address.is_loopback() {
+            return Err(format!("it is not encrypted: on this machine only, such as {THIS_MACHINE}:{port}"));
+        }
+        Ok(Self(Some(TcpListen { address: Some(address), port })))
     }
 }
 

@@ -3,7 +3,6 @@
 //! A connection to the socket or the port is a [`Guest`], which gets one of the [`Sessions`].
 
 use std::fmt::Display;
-use std::net::IpAddr;
 use std::rc::Rc;
 
 use embassy_time::{Duration, Timer};
@@ -97,8 +96,5 @@ pub fn open_tcp(
 ) -> Result<Option<(TcpListen, Rc<Listener>)>, String> {
     let Some(ConsolePort(Some(listen))) = wanted else { return Ok(None) };
     let listener = sockets.open(&listen).map_err(|error| format!("console on TCP port {listen}: {error}"))?;
-    if !listen.address.is_some_and(|address: IpAddr| address.is_loopback()) {
-        log::warn!("the console at {listen} can be reached from other machines, without a password");
-    }
     Ok(Some((listen, listener)))
 }

@@ -15,7 +15,7 @@ pub const TOO_LONG: &str = "it is longer than 262144 bytes, the most that a sett
 const _: () = assert!(TEXT_BYTES_MAX == 262_144, "TOO_LONG names the number");
 
 /// Permissions of new files.
-const NEW_FILE_MODE: u32 = 0o644;
+const NEW_FILE_MODE: u32 = 0o640;
 /// Most symbolic links to follow, as in the kernel.
 const LINKS_MAX: usize = 40;
 /// Suffix of temporary files.

@@ -19,6 +19,7 @@ mod hint;
 pub mod logging;
 pub mod mdns;
 pub mod merge;
+pub mod passwords;
 pub mod reactor;
 mod screen;
 pub mod settings;

@@ -15,7 +15,7 @@ use mobgate::gateway::reconfigure;
 use mobgate::gateway::{Connection, Gateway, Ports};
 use mobgate::hal::{OpenError, System};
 use mobgate::scanner::ScannerState;
-use mobgate::settings::{PORTS_MAX, PortId, Settings, TcpListen};
+use mobgate::settings::{PORTS_MAX, PasswordHash, PortId, Settings, TcpListen};
 use mobgate_linux::cli::{Instead, Options};
 use mobgate_linux::console::{SESSIONS_MAX, Sessions, socket};
 use mobgate_linux::demo::{self, Lines};
@@ -26,7 +26,9 @@ use mobgate_linux::stdio::RawMode;
 use mobgate_linux::store::FileStore;
 use mobgate_linux::tcp::{Connector, TcpSockets};
 use mobgate_linux::udp::Datagrams;
-use mobgate_linux::{capture, console, describe, ethercat, executor, logging, mdns, settings, tty};
+use mobgate_linux::{
+    capture, console, describe, ethercat, executor, logging, mdns, passwords, settings, tty,
+};
 
 /// TCP connections of all servers together. Each takes a descriptor, and a process has 1024 by default.
 const CONNECTIONS: usize = 256;
@@ -148,6 +150,14 @@ impl System for Process {
     fn capture(&self, file: Option<&str>) -> Result<(), OpenError> {
         CAPTURE_FILE.signal(file.map(capture::create_new).transpose()?);
         Ok(())
+    }
+
+    async fn is_password(&self, hash: Option<&str>, password: &str) -> bool {
+        passwords::is_right(hash, password).await
+    }
+
+    async fn hash_password(&self, password: &str) -> Option<PasswordHash> {
+        passwords::hash(password).await
     }
 
     fn reboot(&self) {

@@ -9,7 +9,7 @@ use std::time::Instant;
 
 use rustix::process::Signal;
 
-use common::{PATIENCE, Program, converse, free_port, mobgate, output, wait_for, with_console};
+use common::{PATIENCE, Program, USER, converse, free_port, mobgate, output, wait_for, with_console};
 
 mod common;
 
@@ -92,8 +92,8 @@ fn lines_of_a_file_on_standard_input_are_carried_out_and_the_gateway_goes_on() {
 fn on_tcp() -> (Program, u16) {
     let (folder, port, console) = (tempfile::tempdir().unwrap(), free_port(), free_port());
     let config = folder.path().join("mobgate.conf");
-    fs::write(&config, format!("port P502 tcp server 127.0.0.1:{port}\nroute P502 1 * * local readonly\n"))
-        .unwrap();
+    let port_and_rule = format!("port P502 tcp server 127.0.0.1:{port}\nroute P502 1 * * local readonly\n");
+    fs::write(&config, port_and_rule + USER).unwrap();
     let mut command = mobgate();
     command.arg("--config").arg(config).args([
         "--socket",
@@ -123,10 +123,13 @@ fn what_a_browser_sends_to_the_tcp_console_is_not_carried_out() {
         stream.write_all(bytes).unwrap();
         let mut answer = Vec::new();
         stream.read_to_end(&mut answer).unwrap();
-        assert_eq!(String::from_utf8_lossy(&answer), "", "nothing is said, and the session ends");
+        assert_eq!(String::from_utf8_lossy(&answer), "user: ", "nothing more is said, and the session ends");
         program.logs(logged);
     }
-    converse(&mut connect(), "show routes\n", "readonly");
+    converse(&mut connect(), "anna\nlet me in\nshow routes\n", "readonly");
+    program.logs("anna of 127.0.0.1 has logged in as engineer");
+    converse(&mut connect(), "anna\nlet me out\n", "no such user, or another password");
+    program.logs("a password of 127.0.0.1 for anna was wrong");
     assert!(fs::read_to_string(program.config()).unwrap().contains("readonly"));
 }
 
@@ -144,6 +147,31 @@ fn tcp_listeners(program: &Program) -> usize {
         fields[3] == "0A" && sockets.iter().any(|inode| inode == fields[9])
     };
     tables.iter().flatten().map(|table| table.lines().skip(1).filter(is_own_listener).count()).sum()
+}
+
+#[test]
+fn a_password_set_at_the_local_console_is_saved_as_its_hash_and_opens_the_tcp_console() {
+    let (program, console) = on_tcp();
+    let connect = || {
+        let stream = TcpStream::connect((Ipv4Addr::LOCALHOST, console)).unwrap();
+        stream.set_read_timeout(Some(PATIENCE)).unwrap();
+        stream
+    };
+    let lines = "user bert role operator\npassword bert\nbattery staple\nsave\n";
+    converse(&mut connect(), &("anna\nlet me in\n".to_owned() + lines), "saved");
+    let saved = fs::read_to_string(program.config()).unwrap();
+    assert!(saved.contains("user bert role operator password \"$argon2id$v=19$m=19456,t=2,p=1$"), "{saved}");
+    assert!(!saved.contains("battery"), "{saved}");
+    converse(&mut connect(), "bert\nbattery staple\nsave\n", "needs the role engineer; yours is operator");
+    converse(&mut connect(), "bert\nbattery stapler\n", "no such user, or another password");
+}
+
+#[test]
+fn the_tcp_console_is_for_this_machine_only() {
+    let refused = output(&["--console", "0.0.0.0:5026"]);
+    let said = String::from_utf8(refused.stderr).unwrap();
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(said.contains("it is not encrypted: on this machine only, such as 127.0.0.1:5026"), "{said}");
 }
 
 #[test]

@@ -10,7 +10,7 @@ use std::time::Instant;
 
 use rustix::process::Signal;
 
-use common::{PATIENCE, Program, ask, free_port, mobgate, output, wait_for, with_console};
+use common::{PATIENCE, Program, USER, ask, converse, free_port, mobgate, output, wait_for, with_console};
 
 mod common;
 
@@ -25,6 +25,11 @@ port P1 serial /dev/ttyS77 rtu client
 route P502 1-9 * * P1
 # the end
 ";
+
+/// The same with somebody who may log in.
+fn with_user(port: u16) -> String {
+    FILE.replace("{port}", &port.to_string()) + USER
+}
 
 fn check(path: &Path) -> Output {
     output(&["--check", path.to_str().unwrap()])
@@ -265,7 +270,7 @@ fn save_where(unshare: &[&str], prepare: &str) -> (Program, String) {
     let folder = tempfile::tempdir().unwrap();
     let (port, console) = (free_port(), free_port());
     let config = folder.path().join("mobgate.conf");
-    fs::write(&config, FILE.replace("{port}", &port.to_string())).unwrap();
+    fs::write(&config, with_user(port)).unwrap();
     let mut command = Command::new("unshare");
     command.args(unshare).args([
         "sh",
@@ -278,9 +283,11 @@ fn save_where(unshare: &[&str], prepare: &str) -> (Program, String) {
     // The console opens a moment after the gateway's own ports.
     let mut console = wait_for("the console", || TcpStream::connect((Ipv4Addr::LOCALHOST, console)).ok());
     console.set_read_timeout(Some(PATIENCE)).unwrap();
+    converse(&mut console, "anna\n", "password: ");
+    console.write_all(b"let me in\n").unwrap();
     let said = type_line(&mut console, "edit port P1 9600\nsave");
     // The settings are in force, and are not lost.
-    assert!(type_line(&mut console, "show config").contains(&format!("P502 tcp server {port}")));
+    converse(&mut console, "show config\n", &format!("P502 tcp server {port}"));
     (program, said)
 }
 
@@ -302,7 +309,7 @@ fn a_full_disk_is_named_and_leaves_the_old_file() {
         said.contains("error: line 2, the settings file cannot be read or written: the disk is full"),
         "{said}"
     );
-    assert_eq!(seen_by(&program), (FILE.replace("{port}", &program.port.to_string()), 1));
+    assert_eq!(seen_by(&program), (with_user(program.port), 1));
 }
 
 #[test]
@@ -310,7 +317,7 @@ fn a_read_only_file_system_is_named() {
     let read_only = "mount --bind \"$1\" \"$1\"; mount -o remount,bind,ro \"$1\"";
     let (program, said) = save_where(&["--mount", "--map-root-user"], read_only);
     assert!(said.contains("the file system is read-only"), "{said}");
-    assert_eq!(seen_by(&program), (FILE.replace("{port}", &program.port.to_string()), 0));
+    assert_eq!(seen_by(&program), (with_user(program.port), 0));
 }
 
 #[test]
@@ -319,7 +326,7 @@ fn a_folder_that_may_not_be_written_is_named() {
     let (program, said) = save_where(&["--user"], "chmod 555 \"$1\"");
     let folder = program.config().parent().unwrap().to_owned();
     assert!(said.contains("permission denied"), "{said}");
-    assert_eq!(seen_by(&program), (FILE.replace("{port}", &program.port.to_string()), 0));
+    assert_eq!(seen_by(&program), (with_user(program.port), 0));
     fs::set_permissions(folder, fs::Permissions::from_mode(0o755)).unwrap();
 }
 
@@ -327,6 +334,6 @@ fn a_folder_that_may_not_be_written_is_named() {
 fn a_limit_of_the_system_is_named_and_does_not_end_the_program() {
     let (mut program, said) = save_where(&["--user"], "prlimit --pid $$ --fsize=100");
     assert!(said.contains("longer than the system lets this program write"), "{said}");
-    assert_eq!(seen_by(&program), (FILE.replace("{port}", &program.port.to_string()), 0));
+    assert_eq!(seen_by(&program), (with_user(program.port), 0));
     assert!(program.is_running());
 }

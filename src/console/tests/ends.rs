@@ -3,11 +3,14 @@
 use super::*;
 use crate::settings::LINE_BYTES_MAX;
 
+const NETWORK: Mode = Mode::Network(core::net::IpAddr::V4(core::net::Ipv4Addr::LOCALHOST));
+
 /// What a session of `mode` prints, how it ends, and the settings behind it.
 fn ended(mode: Mode, typed: &[u8], piece: usize) -> (String, Ended, String) {
     let mut came = None;
     with_gateway(|gateway| {
         pipe(gateway, SETTINGS);
+        users::add_users(gateway);
         let mut stream = Stream { typed, piece, printed: Vec::new() };
         let ended =
             block_on(run(gateway, &mut stream, &mut Memory::default(), &mut none(), &Bench::default(), mode))
@@ -21,18 +24,22 @@ fn ended(mode: Mode, typed: &[u8], piece: usize) -> (String, Ended, String) {
 fn the_body_of_a_web_page_s_request_is_not_carried_out() {
     let body = "delete routes\nport evil tcp server 6666\nsave\n";
     for head in ["POST / HTTP/1.1\r\nHost: 127.0.0.1:5026\r\n\r\n", "delete /routes HTTP/1.1\r\n\r\n"] {
-        let (printed, end, config) = ended(Mode::Network, (head.to_string() + body).as_bytes(), 64);
-        assert_eq!((printed.as_str(), end), ("", Ended::Foreign(Foreign::Http)));
+        let (printed, end, config) = ended(NETWORK, (head.to_string() + body).as_bytes(), 64);
+        assert_eq!((printed.as_str(), end), ("user: ", Ended::Foreign(Foreign::Http)));
         assert_eq!(config, SETTINGS_SHOWN);
     }
     let long = format!("route {} HTTP/1.1\r\n\r\n{body}", "x".repeat(LINE_BYTES_MAX));
-    let (printed, end, config) = ended(Mode::Network, long.as_bytes(), 64);
-    assert_eq!((printed.as_str(), end), ("", Ended::Foreign(Foreign::TooLong)));
+    let (printed, end, config) = ended(NETWORK, long.as_bytes(), 64);
+    assert_eq!((printed.as_str(), end), ("user: ", Ended::Foreign(Foreign::TooLong)));
     assert_eq!(config, SETTINGS_SHOWN);
 }
 
 /// What `show config` makes of the settings.
 const SETTINGS_SHOWN: &str = "\
+user viewer role viewer
+user operator role operator
+user engineer role engineer
+user nobody role engineer
 port P1   serial /dev/ttyUSB0 rtu client 9600 8N1 timeout 300ms
 port P2   serial uart2 rtu server 19200 8E1
 port P502 tcp server 502
@@ -49,8 +56,8 @@ fn tls_and_telnet_end_a_session_of_the_network_before_any_line() {
         (b"\0\x01\ndelete routes\n", Foreign::NotText),
     ] {
         for piece in [1, 64] {
-            let (printed, end, config) = ended(Mode::Network, bytes, piece);
-            assert_eq!((printed.as_str(), end), ("", Ended::Foreign(foreign)));
+            let (printed, end, config) = ended(NETWORK, bytes, piece);
+            assert_eq!((printed.as_str(), end), ("user: ", Ended::Foreign(foreign)));
             assert_eq!(config, SETTINGS_SHOWN);
         }
     }
@@ -68,11 +75,11 @@ fn noise_on_a_serial_console_does_not_end_it() {
 
 #[test]
 fn a_session_of_the_network_takes_lines_and_says_whether_one_was_refused() {
-    let (printed, end, _) = ended(Mode::Network, b"\r\nshow version\r\n", 5);
-    assert!(printed.starts_with("mobgate 0."), "{printed:?}");
+    let (printed, end, _) = ended(NETWORK, b"viewer\r\nlet me in\r\n\r\nshow version\r\n", 5);
+    assert!(printed.starts_with("user: password: mobgate 0."), "{printed:?}");
     assert_eq!(end, Ended::Left { refused: false });
-    let (printed, end, _) = ended(Mode::Network, b"shwo\nshow version\nexit\nshwo", 5);
-    assert!(printed.starts_with("error: line 1, ") && printed.contains("\nmobgate 0."), "{printed:?}");
+    let (printed, end, _) = ended(NETWORK, b"viewer\nlet me in\nshwo\nshow version\nexit\nshwo", 5);
+    assert!(printed.contains(" error: line 1, ") && printed.contains("\nmobgate 0."), "{printed:?}");
     assert_eq!(end, Ended::Left { refused: true });
 }
 

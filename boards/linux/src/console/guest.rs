@@ -1,7 +1,7 @@
 //! A connection to the console: a Unix socket or TCP.
 
 use std::io::{self, Read as _, Write as _};
-use std::net::{Shutdown, SocketAddr};
+use std::net::{IpAddr, Shutdown, SocketAddr};
 use std::os::unix::net::UnixStream;
 
 use embassy_futures::select::select;
@@ -29,14 +29,14 @@ pub struct Guest {
 
 #[derive(Debug)]
 enum Stream {
-    Tcp(TcpStream),
+    Tcp(TcpStream, IpAddr),
     Local(Descriptor<UnixStream>),
 }
 
 impl Guest {
     /// A client connected by TCP from `peer`.
     pub(super) fn by_tcp(stream: TcpStream, peer: SocketAddr) -> Self {
-        Self { stream: Stream::Tcp(stream), who: peer.to_string(), hello: Hello::None }
+        Self { stream: Stream::Tcp(stream, peer.ip()), who: peer.to_string(), hello: Hello::None }
     }
 
     /// The process `peer`, which is authorised to use the console.
@@ -47,7 +47,10 @@ impl Guest {
 
     /// Waits for the first byte, which selects the mode of the session.
     pub(super) async fn begin(&mut self) -> io::Result<Mode> {
-        let Stream::Local(stream) = &mut self.stream else { return Ok(Mode::Network) };
+        let stream = match &mut self.stream {
+            Stream::Tcp(_, peer) => return Ok(Mode::Network(*peer)),
+            Stream::Local(stream) => stream,
+        };
         let mut first = [0];
         stream.read_with(|stream| Ok(recv(stream, &mut first, RecvFlags::PEEK)?.1)).await?;
         self.hello = Hello::of(first[0]);
@@ -61,7 +64,7 @@ impl Guest {
     pub(super) async fn dismiss(mut self, last: &[u8]) {
         select(self.write_all(last), Timer::after(CLOSE_MAX)).await;
         match self.stream {
-            Stream::Tcp(stream) => stream.close().await,
+            Stream::Tcp(stream, _) => stream.close().await,
             // The peer can still read what was written.
             Stream::Local(stream) => drop(stream.get_ref().shutdown(Shutdown::Both)),
         }
@@ -75,7 +78,7 @@ impl ErrorType for Guest {
 impl Read for Guest {
     async fn read(&mut self, into: &mut [u8]) -> io::Result<usize> {
         match &mut self.stream {
-            Stream::Tcp(stream) => stream.read(into).await,
+            Stream::Tcp(stream, _) => stream.read(into).await,
             Stream::Local(stream) => stream.read_stream(into, |mut stream, into| stream.read(into)).await,
         }
     }
@@ -84,7 +87,7 @@ impl Read for Guest {
 impl Write for Guest {
     async fn write(&mut self, from: &[u8]) -> io::Result<usize> {
         match &mut self.stream {
-            Stream::Tcp(stream) => stream.write(from).await,
+            Stream::Tcp(stream, _) => stream.write(from).await,
             Stream::Local(stream) => stream.write_with(|mut stream| stream.write(from)).await,
         }
     }

@@ -235,6 +235,10 @@ pub(crate) fn ask(stream: &mut TcpStream, unit: u8, pdu: &[u8]) -> Vec<u8> {
     answer
 }
 
+/// The line of an engineer whose password is `let me in`.
+pub(crate) const USER: &str = "user anna role engineer password \
+    \"$argon2id$v=19$m=8,t=1,p=1$MDEyMzQ1Njc4OWFiY2RlZg$MbnuQj2xrGASZb+GaVRPOkBaCDUjNErQQKePN3mCUfA\"\n";
+
 /// Types `line`, and reads until `answer` has come.
 pub(crate) fn converse(session: &mut (impl Read + Write), line: &str, answer: &str) -> String {
     session.write_all(line.as_bytes()).unwrap();

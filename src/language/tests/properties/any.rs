@@ -152,6 +152,21 @@ pub(super) fn any_slave() -> impl Strategy<Value = SlaveSettings> {
     )
 }
 
+fn any_users() -> impl Strategy<Value = Vec<User>> {
+    let role = prop_oneof![Just(Role::Viewer), Just(Role::Operator), Just(Role::Engineer)];
+    let hash = "\\$argon2id\\$v=19\\$m=(8|19456|262144),t=([1-9]|1[0-6]),p=[1-4]\\$[A-Za-z0-9+/]{22}\\$[A-Za-z0-9+/]{43}";
+    let password = prop::option::of(hash.prop_map(|text| PasswordHash::try_from(text.as_str()).unwrap()));
+    prop::collection::vec((role, password), 0..=USERS_MAX).prop_map(|users| {
+        let named = users.into_iter().enumerate();
+        named.map(|(nth, (role, password))| User { name: any_name(nth), role, password }).collect()
+    })
+}
+
+/// A name that no other has.
+fn any_name(nth: usize) -> Name {
+    Name::try_from(std::format!("user.{nth}").as_str()).unwrap()
+}
+
 pub(super) fn any_settings() -> impl Strategy<Value = Settings> {
     (1..=PORTS_MAX)
         .prop_flat_map(|count| (0..count).map(any_port).collect::<Vec<_>>())
@@ -161,9 +176,9 @@ pub(super) fn any_settings() -> impl Strategy<Value = Settings> {
             let slaves = prop::collection::vec(any_slave(), 0..=most);
             let routes = prop::collection::vec(any_route(ports.clone()), 0..=ROUTES_MAX);
             let servers = any_servers(&ports);
-            (any_network(), any_mdns(), Just(ports), servers, routes, slaves)
+            (any_network(), any_mdns(), Just(ports), servers, routes, slaves, any_users())
         })
-        .prop_map(|(network, mdns, ports, servers, routes, slaves)| {
+        .prop_map(|(network, mdns, ports, servers, routes, slaves, users)| {
             let mut settings = Settings { network, mdns, ..Settings::new() };
             for (slot, port) in settings.ports.iter_mut().zip(ports) {
                 *slot = Some(port);
@@ -175,6 +190,7 @@ pub(super) fn any_settings() -> impl Strategy<Value = Settings> {
                 }
             }
             settings.slaves.extend(slaves);
+            settings.users.extend(users);
             settings
         })
 }

@@ -1,0 +1,54 @@
+//! What the next line is, if not a command.
+
+use core::net::IpAddr;
+
+use heapless::String;
+
+use crate::settings::Name;
+
+/// Most bytes of a password.
+pub(super) const PASSWORD_BYTES_MAX: usize = 64;
+
+/// A password's text.
+pub(super) type Password = String<PASSWORD_BYTES_MAX>;
+
+/// What the next line is.
+#[derive(Debug, Default)]
+pub(super) enum Asks {
+    #[default]
+    Command,
+    /// The name of who logs in, then the password.
+    User,
+    Password(Name),
+    /// The new password of a user, then the same once more.
+    New(Name),
+    Again(Name, Password),
+}
+
+impl Asks {
+    /// What a session begins with.
+    pub(super) fn first(peer: Option<IpAddr>) -> Self {
+        if peer.is_some() { Self::User } else { Self::Command }
+    }
+
+    /// The prompt; `None`: that of commands.
+    pub(super) fn prompt(&self) -> Option<&'static str> {
+        Some(match self {
+            Self::Command => return None,
+            Self::User => "user: ",
+            Self::Password(_) => "password: ",
+            Self::New(_) => "new password: ",
+            Self::Again(..) => "again: ",
+        })
+    }
+
+    /// Whether nobody has logged in yet.
+    pub(super) fn is_log_in(&self) -> bool {
+        matches!(self, Self::User | Self::Password(_))
+    }
+
+    /// Whether the line must not be shown.
+    pub(super) fn is_secret(&self) -> bool {
+        !matches!(self, Self::Command | Self::User)
+    }
+}

@@ -1,0 +1,152 @@
+//! Lines that are no commands: the name and password of a user who logs in, and a new password.
+
+use core::fmt;
+use core::mem::take;
+
+use embassy_time::{Duration, Instant};
+
+use super::asks::{Asks, PASSWORD_BYTES_MAX, Password};
+use super::session::Session;
+use super::wait::Wait;
+use crate::gateway::reconfigure;
+use crate::hal::System;
+use crate::language::{Words, Wrong, user_name};
+use crate::settings::{Name, Role, Time, USERS};
+
+/// Least bytes of a password.
+const PASSWORD_BYTES_MIN: usize = 8;
+/// Wrong passwords that end a session.
+const FAILURES_MAX: u8 = 3;
+
+/// Why nobody gets in, or a password is none.
+pub(super) enum Denied {
+    NoUsers,
+    Wrong,
+    Pause(Duration),
+    NoSuchUser,
+    Length,
+    Differ,
+    NoHash,
+    /// A command of another role.
+    Role {
+        needed: Role,
+        own: Role,
+    },
+    NotLocal,
+}
+
+impl fmt::Display for Denied {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::NoUsers => {
+                "nobody can log in yet: at the local console, user NAME role engineer, then password NAME"
+            }
+            Self::Wrong => "no such user, or another password",
+            Self::Pause(pause) => return write!(f, "too many failures: try again in {}", Time(*pause)),
+            Self::NoSuchUser => "there is no user of this name: user NAME role viewer, operator or engineer",
+            Self::Length => "a password has 8 to 64 characters",
+            Self::Differ => "the passwords differ",
+            Self::NoHash => "this gateway has no users, or no random numbers",
+            Self::Role { needed, own } => return write!(f, "needs the role {needed}; yours is {own}"),
+            Self::NotLocal => "secrets are shown to engineers at the local console only",
+        })
+    }
+}
+
+impl Session<'_, '_> {
+    /// Ends a session by network that nobody could log in to.
+    pub(super) fn check_users(&mut self) {
+        let can_log_in =
+            || self.gateway.settings(|settings| settings.users.iter().any(|user| user.password.is_some()));
+        if self.peer.is_some() && !can_log_in() {
+            self.fail(&Denied::NoUsers);
+            self.ends = true;
+        }
+    }
+
+    /// Takes the line that was asked for.
+    pub(super) fn answered(&mut self, line: &str, edits: bool) -> Wait {
+        match take(&mut self.asks) {
+            Asks::Command => Wait::End,
+            Asks::User => {
+                // A longer name is nobody's either.
+                self.asks = Asks::Password(Name::try_from(line.trim()).unwrap_or_default());
+                Wait::End
+            }
+            Asks::Password(user) => {
+                let pause = self.peer.and_then(|peer| {
+                    self.gateway.attempts(|attempts| attempts.pause(Instant::now(), peer, &user))
+                });
+                self.asks = Asks::Password(user);
+                match pause {
+                    None => Wait::LogIn,
+                    Some(pause) => {
+                        self.ends = true;
+                        // Whole seconds, and not 0.
+                        self.fail(&Denied::Pause(Duration::from_secs(pause.as_secs() + 1)))
+                    }
+                }
+            }
+            Asks::New(_) | Asks::Again(..)
+                if !(PASSWORD_BYTES_MIN..=PASSWORD_BYTES_MAX).contains(&line.len()) =>
+            {
+                self.fail(&Denied::Length)
+            }
+            Asks::New(user) if edits => {
+                self.asks = Asks::Again(user, Password::try_from(line).unwrap_or_default());
+                Wait::End
+            }
+            Asks::Again(_, first) if first != line => self.fail(&Denied::Differ),
+            Asks::New(user) | Asks::Again(user, _) => {
+                self.asks = Asks::New(user);
+                Wait::Password
+            }
+        }
+    }
+
+    /// Checks the password `typed`.
+    pub(super) async fn log_in(&mut self, system: &impl System, typed: &str) {
+        let (Asks::Password(name), Some(peer)) = (take(&mut self.asks), self.peer) else { return };
+        let user = self.gateway.settings(|settings| settings.user(&name).cloned());
+        let hash = user.as_ref().and_then(|user| user.password.as_deref());
+        let (can_log_in, good) = (hash.is_some(), system.is_password(hash, typed).await);
+        match user.filter(|_| can_log_in && good) {
+            Some(user) => {
+                self.gateway.attempts(|attempts| attempts.succeeded(peer, &name));
+                log_info!("console: {name} of {peer} has logged in as {}", user.role);
+                self.role = user.role;
+            }
+            None => {
+                self.gateway.attempts(|attempts| attempts.failed(Instant::now(), peer, &name, can_log_in));
+                log_warn!("console: a password of {peer} for {name} was wrong");
+                self.failures += 1;
+                self.ends = self.failures >= FAILURES_MAX;
+                self.asks = Asks::User;
+                self.fail(&Denied::Wrong);
+            }
+        }
+    }
+
+    /// `password NAME`
+    pub(super) fn password(&mut self, words: &Words<'_>) -> Result<Wait, Wrong> {
+        let name = user_name(words.take())?;
+        words.end()?;
+        if self.gateway.settings(|settings| settings.user(&name).is_none()) {
+            return Ok(self.fail(&Denied::NoSuchUser));
+        }
+        self.asks = Asks::New(name);
+        Ok(Wait::End)
+    }
+
+    /// Makes `typed` the password of `user`.
+    pub(super) async fn set_password(&mut self, system: &impl System, typed: &str) {
+        let Asks::New(user) = take(&mut self.asks) else { return };
+        match system.hash_password(typed).await.filter(|_| USERS) {
+            Some(hash) => {
+                let set = reconfigure::set_password(self.gateway, &user, hash).await;
+                self.changed(set.map(|()| None));
+            }
+            None => _ = self.fail(&Denied::NoHash),
+        }
+    }
+}

@@ -28,10 +28,8 @@ use nix::sys::stat::Mode;
 
 static GATEWAY: Device = DEVICE;
 
-/// Bytes before those of a transaction.
-const HEAD_BYTES: usize = 2;
-/// What a pipe holds.
-const PIPE_BYTES: usize = 65_536;
+/// Bytes before those of a transaction: their number, and the number of the request.
+const HEAD_BYTES: usize = 3;
 /// ethercrab keeps a list of all objects that there could be on the stack, more than once.
 const STACK_BYTES: usize = 16 << 20;
 /// Between two looks for the next MainDevice.
@@ -125,10 +123,8 @@ impl Wires {
         let line = line_of(&GATEWAY);
         let lan9252 = Lan9252::new(line.borrow().chip(0), Timing::NONE);
         let spi = lan9252.spi();
-        let mut from_board = open("out");
-        // What a controller before this one has left; it will not be answered, as nobody has the other pipe open yet.
-        let _ = from_board.read(&mut [0; PIPE_BYTES]);
-        Self { line, lan9252, spi, from_board, to_board: open("in"), begun: Vec::new() }
+        // The board knows a response to a request that a controller before this one has left by its number.
+        Self { line, lan9252, spi, from_board: open("out"), to_board: open("in"), begun: Vec::new() }
     }
 
     /// Serves the board, and does `jobs` meanwhile, until there will be no more.
@@ -172,7 +168,7 @@ fn answer(
         Err(error) if error.kind() == ErrorKind::WouldBlock => return Ok(false),
         Err(error) => return Err(error),
     }
-    while let Some((&[low, high], rest)) = begun.split_first_chunk::<HEAD_BYTES>() {
+    while let Some((&[low, high, number], rest)) = begun.split_first_chunk::<HEAD_BYTES>() {
         let length = usize::from(u16::from_le_bytes([low, high]));
         let Some(mut bytes) = rest.get(..length).map(<[u8]>::to_vec) else { break };
         begun.drain(..HEAD_BYTES + length);
@@ -183,7 +179,9 @@ fn answer(
             block_on(spi.transaction(&mut [Operation::TransferInPlace(&mut bytes)]))
                 .map_err(|_| io::Error::from(ErrorKind::Other))?;
         }
-        to_board.write_all(&bytes)?;
+        let [low, high] = (bytes.len() as u16).to_le_bytes();
+        // In one piece, which a pipe takes whole.
+        to_board.write_all(&[&[low, high, number], &bytes[..]].concat())?;
     }
     Ok(true)
 }

@@ -1,8 +1,7 @@
 //! The SPI and the interrupt pin of an EtherCAT controller simulated by a program on the host: transactions go through two pipes,
 //! `PATH.out` and `PATH.in`, if the command line has `spi=PATH`.
 //!
-//! A request is the number of bytes (16 bits, little-endian) and the bytes of the transaction; the response has as many bytes. An
-//! empty request asks for the interrupt pin, and the response is one byte. The whole board stalls meanwhile.
+//! A request has the bytes of the transaction; the response has as many. An empty request asks for the interrupt pin, and the response is one byte. The whole board stalls meanwhile.
 
 use core::cell::RefCell;
 
@@ -12,18 +11,17 @@ use embedded_hal::spi::{Error, ErrorKind, ErrorType, Operation};
 use embedded_hal_async::spi::SpiDevice;
 use heapless::Vec;
 
-use super::pipes::Pipes;
+use super::pipes::{HEAD_BYTES, Pipes};
 use crate::semihosting::{CommandLine, HostError};
 
 /// Longest transaction: a process image and its overhead.
 const TRANSACTION_BYTES_MAX: usize = 1024;
-const HEAD_BYTES: usize = 2;
 /// Poll interval of the pin, which raises no interrupt here.
 const PIN_INTERVAL: Duration = Duration::from_millis(1);
 /// Read if there is no controller.
 const FLOATING: u8 = 0xff;
 
-/// A transaction with its length.
+/// A transaction, behind room for the head of its message.
 type Transaction = Vec<u8, { HEAD_BYTES + TRANSACTION_BYTES_MAX }>;
 
 /// The wires to the controller.
@@ -42,10 +40,8 @@ impl Wires {
 
     /// Sends `bytes`, and fills `back` with the response.
     fn exchange(&self, bytes: &mut Transaction, back: &mut Transaction) -> Result<(), HostError> {
-        let (head, data) = bytes.split_at_mut(HEAD_BYTES);
-        head.copy_from_slice(&(data.len() as u16).to_le_bytes());
         // Both have the same capacity.
-        let _ = back.resize(data.len(), FLOATING);
+        let _ = back.resize(bytes.len() - HEAD_BYTES, FLOATING);
         match &mut *self.0.borrow_mut() {
             Some(pipes) => pipes.ask(bytes, back),
             None => Ok(()),
@@ -55,7 +51,7 @@ impl Wires {
     fn interrupt_is_high(&self) -> Result<bool, HostError> {
         let Some(pipes) = &mut *self.0.borrow_mut() else { return Ok(false) };
         let mut level = [0];
-        pipes.ask(&[0; HEAD_BYTES], &mut level)?;
+        pipes.ask(&mut [0; HEAD_BYTES], &mut level)?;
         Ok(level != [0])
     }
 
@@ -83,7 +79,7 @@ impl ErrorType for Spi<'_> {
 impl SpiDevice for Spi<'_> {
     async fn transaction(&mut self, operations: &mut [Operation<'_, u8>]) -> Result<(), HostError> {
         let (mut bytes, mut back) = (Transaction::new(), Transaction::new());
-        // It has room for the length.
+        // It has room for the head.
         let _ = bytes.resize(HEAD_BYTES, 0);
         for operation in &*operations {
             match operation {

@@ -16,11 +16,15 @@ use embedded_io_async::Write;
 use mobgate::capture::Export;
 use mobgate::gateway::Gateway;
 use mobgate::hal::{OpenError, OpenErrorKind};
+use rustix::fs::{Mode, OFlags, ResolveFlags, open, openat2};
+use rustix::io::Errno;
 
 use crate::sink::Sink;
 
 /// Interval at which the ring is emptied; a busy line does not fill it in this time.
 const PAUSE: Duration = Duration::from_millis(10);
+
+const ELSEWHERE: &str = "captures are files below the folder that the program was started in";
 
 /// The file requested next; `None` ends the capture.
 pub type Wanted = Signal<CriticalSectionRawMutex, Option<File>>;
@@ -30,12 +34,21 @@ pub fn create(path: &Path) -> Result<File, String> {
     File::create(path).map_err(|error| format!("{}: {error}", path.display()))
 }
 
-/// Creates a file for a console session, which may belong to anybody on this machine: never overwrites one.
+/// Creates a file for a console session, whose user may not be one of this machine: below one folder, and never over another file. The
+/// folder is the service's own (`StateDirectory=`), or the one that the program was started in.
 pub fn create_new(path: &str) -> Result<File, OpenError> {
-    File::create_new(path).map_err(|error| match error.kind() {
-        io::ErrorKind::NotFound => OpenError::new(OpenErrorKind::NotFound, "no such folder"),
-        io::ErrorKind::PermissionDenied => OpenError::new(OpenErrorKind::Denied, ""),
-        io::ErrorKind::AlreadyExists => OpenError::new(OpenErrorKind::Failed, "there is such a file already"),
+    let folder = std::env::var_os("STATE_DIRECTORY").unwrap_or(".".into());
+    let create = || {
+        let folder = open(folder, OFlags::PATH | OFlags::CLOEXEC, Mode::empty())?;
+        let flags = OFlags::CREATE | OFlags::EXCL | OFlags::WRONLY | OFlags::CLOEXEC;
+        let below = ResolveFlags::BENEATH | ResolveFlags::NO_SYMLINKS;
+        openat2(folder, path, flags, Mode::from_raw_mode(0o640), below)
+    };
+    create().map(File::from).map_err(|error| match error {
+        Errno::NOENT => OpenError::new(OpenErrorKind::NotFound, "no such folder"),
+        Errno::ACCESS | Errno::PERM | Errno::ROFS => OpenError::new(OpenErrorKind::Denied, ""),
+        Errno::EXIST => OpenError::new(OpenErrorKind::Failed, "there is such a file already"),
+        Errno::XDEV | Errno::LOOP => OpenError::new(OpenErrorKind::Denied, ELSEWHERE),
         _ => OpenError::new(OpenErrorKind::Failed, ""),
     })
 }

@@ -22,6 +22,7 @@ pub mod merge;
 pub mod passwords;
 pub mod reactor;
 mod screen;
+pub mod service;
 pub mod settings;
 pub mod signals;
 mod sink;

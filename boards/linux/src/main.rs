@@ -27,7 +27,7 @@ use mobgate_linux::store::FileStore;
 use mobgate_linux::tcp::{Connector, TcpSockets};
 use mobgate_linux::udp::Datagrams;
 use mobgate_linux::{
-    capture, console, describe, ethercat, executor, logging, mdns, passwords, settings, tty,
+    capture, console, describe, ethercat, executor, logging, mdns, passwords, service, settings, tty,
 };
 
 /// TCP connections of all servers together. Each takes a descriptor, and a process has 1024 by default.
@@ -92,6 +92,11 @@ async fn ethercat_controller() {
 #[embassy_executor::task]
 async fn keep_settings(mut store: FileStore) {
     GATEWAY.keep_settings(&mut store).await
+}
+
+#[embassy_executor::task]
+async fn service_manager() {
+    service::run().await
 }
 
 #[embassy_executor::task]
@@ -218,7 +223,11 @@ fn run(options: Options) -> Result<End, String> {
     Ok(executor::run(spawn, async {
         // The tasks have been polled once, so they now hold their listeners.
         drop((start, console));
-        END.wait().await
+        let end = END.wait().await;
+        if matches!(end, End::Stop) {
+            service::stops();
+        }
+        end
     }))
 }
 
@@ -244,6 +253,7 @@ fn spawn(
     spawner.spawn(keep_settings(store.clone()).unwrap());
     spawner.spawn(capture_into_file().unwrap());
     spawner.spawn(found_on_the_network().unwrap());
+    spawner.spawn(service_manager().unwrap());
     let sessions = Rc::<Sessions>::default();
     for number in 0..SESSIONS_MAX {
         spawner.spawn(console_session(sessions.clone(), number, store.clone()).unwrap());

@@ -59,9 +59,18 @@ fn the_console_begins_and_ends_a_file_and_writes_over_none() {
     let file = folder.path().join("later.pcapng");
     let mut command = mobgate();
     command.args(["--listen", &format!("127.0.0.1:{port}"), "--socket"]).arg(folder.path().join("console"));
+    command.current_dir(folder.path());
+    let below = folder.path().join("below");
+    fs::create_dir(&below).unwrap();
+    std::os::unix::fs::symlink("/", below.join("all")).unwrap();
     let program = Program::start(&mut command, folder, port);
     let mut console = program.session();
-    let capture = format!("capture {}\n", file.display());
+    // Nowhere else, and over nothing.
+    for elsewhere in [file.to_str().unwrap(), "../later.pcapng", "below/../../x", "below/all/tmp/x"] {
+        console.write_all(format!("capture {elsewhere}\n").as_bytes()).unwrap();
+        read_until(&mut console, "captures are files below the folder that the program was started in");
+    }
+    let capture = "capture later.pcapng\n";
     console.write_all(capture.as_bytes()).unwrap();
     wait_for("the beginning of the file", || fs::read(&file).ok().filter(|written| !written.is_empty()));
     let mut client = program.connect();

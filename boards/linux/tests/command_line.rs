@@ -2,14 +2,44 @@
 
 use std::fs;
 use std::net::{Ipv4Addr, TcpListener};
+use std::os::unix::net::UnixDatagram;
 use std::thread;
 use std::time::Duration;
 
 use rustix::process::Signal;
 
-use common::{Program, ask, free_port, mobgate, output, wait_for};
+use common::{PATIENCE, Program, ask, free_port, mobgate, output, wait_for};
 
 mod common;
+
+/// What the program tells a service manager, up to `last`.
+fn told(socket: &UnixDatagram, last: &str) -> Vec<String> {
+    let mut told = Vec::new();
+    while told.last().is_none_or(|state| state != last) {
+        let mut state = [0; 256];
+        let count = socket.recv(&mut state).unwrap_or_else(|error| panic!("{error} after {told:?}"));
+        told.push(String::from_utf8_lossy(&state[..count]).trim().to_owned());
+    }
+    told
+}
+
+#[test]
+fn a_service_manager_is_told_that_it_runs_goes_on_and_stops() {
+    let (folder, port) = (tempfile::tempdir().unwrap(), free_port());
+    let path = folder.path().join("notify");
+    let socket = UnixDatagram::bind(&path).unwrap();
+    socket.set_read_timeout(Some(PATIENCE)).unwrap();
+    let mut command = mobgate();
+    command.args(["--listen", &port.to_string(), "--socket", "off"]);
+    command.env("NOTIFY_SOCKET", &path).env("WATCHDOG_USEC", "60000");
+    let program = Program::start(&mut command, folder, port);
+    assert_eq!(told(&socket, "WATCHDOG=1"), ["READY=1", "WATCHDOG=1"]);
+    // By itself, again and again.
+    assert_eq!(told(&socket, "WATCHDOG=1"), ["WATCHDOG=1"]);
+    program.signal(Signal::TERM);
+    let told = told(&socket, "STOPPING=1");
+    assert!(told[..told.len() - 1].iter().all(|state| state == "WATCHDOG=1"), "{told:?}");
+}
 
 #[test]
 fn a_port_that_a_test_was_given_is_nobody_elses() {

@@ -1,7 +1,11 @@
 //! Accepted TCP connections, and the options of all connections.
 
+use core::future::{Future, poll_fn};
 use core::net::{IpAddr, SocketAddr};
+use core::pin::pin;
+use core::task::Poll;
 
+use embassy_futures::poll_once;
 use embassy_net::tcp::{Error, State, TcpSocket};
 use embassy_net::{IpEndpoint, IpListenEndpoint};
 use embassy_time::Duration;
@@ -19,7 +23,7 @@ const KEEPALIVE: Duration = Duration::from_secs(10);
 
 pub(crate) const IPV4_ONLY: OpenError = OpenError::new(OpenErrorKind::Unsupported, "this board speaks IPv4");
 
-/// Accepts connections. Each waiting host has its own listening socket, so several may wait on one port.
+/// Accepts connections. Several hosts may wait on one port; each has a socket of its own, and a few of them listen at a time.
 #[derive(Clone, Copy)]
 pub struct TcpSockets(&'static Sockets);
 
@@ -39,19 +43,34 @@ impl TcpHost for TcpSockets {
 
     async fn accept(&mut self, listen: &TcpListen) -> Result<(TcpStream, SocketAddr), OpenError> {
         let at = endpoint(self.0, listen)?;
-        let mut pooled = self.0.tcp()?;
-        let socket = pooled.get();
-        // Before listening: a handshake that is never completed must time out, too.
-        set_up(socket);
         loop {
-            match (socket.accept(at).await, socket.remote_endpoint()) {
-                (Ok(()), Some(peer)) => return Ok((TcpStream::new(pooled), address(peer))),
-                // The peer gave up during the handshake.
-                (Ok(()), None) => socket.abort(),
-                (Err(_), _) => return Err(OpenError::new(OpenErrorKind::Failed, "")),
+            let turn = self.0.listening.turn(at.port).await;
+            let mut pooled = self.0.tcp()?;
+            let socket = pooled.get();
+            // Before listening: a handshake that is never completed must time out, too.
+            set_up(socket);
+            if let Poll::Ready(Err(_)) = poll_once(socket.accept(at)) {
+                return Err(OpenError::new(OpenErrorKind::Failed, ""));
+            }
+            left(socket, &[State::Listen]).await;
+            drop(turn);
+            left(socket, &[State::Listen, State::SynReceived]).await;
+            // If there is none, the peer gave up during the handshake.
+            if let Some(peer) = socket.remote_endpoint() {
+                return Ok((TcpStream::new(pooled), address(peer)));
             }
         }
     }
+}
+
+/// Waits until `socket` is in none of these states, in which nothing can be written.
+async fn left(socket: &TcpSocket<'_>, states: &[State]) {
+    poll_fn(|context| {
+        // Each change of the state wakes who waits for that.
+        let _ = pin!(socket.wait_write_ready()).poll(context);
+        if states.contains(&socket.state()) { Poll::Pending } else { Poll::Ready(()) }
+    })
+    .await
 }
 
 /// The endpoint for embassy-net to listen on.

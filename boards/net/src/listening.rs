@@ -1,0 +1,57 @@
+//! How many sockets listen: the stack looks at each socket whenever it is polled, so most of those that could, wait.
+
+use core::cell::RefCell;
+use core::future::poll_fn;
+use core::task::Poll;
+
+use embassy_sync::waitqueue::MultiWakerRegistration;
+use heapless::Vec;
+
+use crate::pool::SOCKETS_MAX;
+
+/// Sockets that listen on one TCP port. One that receives a SYN listens no longer, and another does at once: so many SYNs are
+/// accepted within one poll of the stack.
+const BACKLOG: usize = 4;
+
+/// The TCP ports that sockets listen on, and who waits to listen.
+pub(crate) struct Listening {
+    ports: RefCell<Vec<u16, SOCKETS_MAX>>,
+    waiting: RefCell<MultiWakerRegistration<SOCKETS_MAX>>,
+}
+
+impl Listening {
+    /// Nobody listens.
+    pub(crate) const fn new() -> Self {
+        Self { ports: RefCell::new(Vec::new()), waiting: RefCell::new(MultiWakerRegistration::new()) }
+    }
+
+    /// Waits until another socket may listen on TCP port `port`.
+    pub(crate) async fn turn(&self, port: u16) -> Turn<'_> {
+        poll_fn(|context| {
+            let mut ports = self.ports.borrow_mut();
+            let listen = ports.iter().filter(|other| **other == port).count();
+            if listen < BACKLOG && ports.push(port).is_ok() {
+                return Poll::Ready(Turn { listening: self, port });
+            }
+            self.waiting.borrow_mut().register(context.waker());
+            Poll::Pending
+        })
+        .await
+    }
+}
+
+/// The right to listen, until it is dropped.
+pub(crate) struct Turn<'s> {
+    listening: &'s Listening,
+    port: u16,
+}
+
+impl Drop for Turn<'_> {
+    fn drop(&mut self) {
+        let mut ports = self.listening.ports.borrow_mut();
+        if let Some(at) = ports.iter().position(|port| *port == self.port) {
+            ports.swap_remove(at);
+        }
+        self.listening.waiting.borrow_mut().wake();
+    }
+}

@@ -214,11 +214,8 @@ fn the_end_of_standard_input_neither_ends_nor_spins_the_program() {
 
 #[test]
 fn the_journal_gets_priorities_and_no_times() {
-    let file = file("port P1 serial /dev/does-not-exist rtu client\nport P502 tcp server {port}\n");
-    let port = free_port();
-    fs::write(&file, fs::read_to_string(&file).unwrap().replace("{port}", &port.to_string())).unwrap();
-    let mut command = mobgate();
-    command.env("JOURNAL_STREAM", "8:12345").arg("--config").arg(file.path()).args(["--socket", "off"]);
-    let program = Program::start(&mut command, tempfile::tempdir().unwrap(), port);
+    let settings = "port P1 serial /dev/does-not-exist rtu client\nport P502 tcp server {port}\n";
+    let options = ["--config", "{folder}/mobgate.conf", "--socket", "off"];
+    let program = Program::by(mobgate().env("JOURNAL_STREAM", "8:12345"), settings, &options);
     program.logs("<4>/dev/does-not-exist cannot be opened: not found");
 }

@@ -109,31 +109,19 @@ impl Program {
 
     /// Starts `command`, which listens on `port`.
     pub(crate) fn start(command: &mut Command, folder: tempfile::TempDir, port: u16) -> Self {
-        Self::start_on(command, Stdio::piped(), folder, port)
+        Self::try_start(command.stdout(Stdio::piped()).stderr(Stdio::piped()), folder, port).unwrap()
     }
 
-    /// Starts `command` with `stdout`; what goes to a pipe is gathered with the log.
-    pub(crate) fn start_on(
-        command: &mut Command,
-        stdout: Stdio,
-        folder: tempfile::TempDir,
-        port: u16,
-    ) -> Self {
-        Self::try_start(command.stdout(stdout), folder, port).unwrap()
-    }
-
-    /// Starts `command`, which listens on `port`, or says why that failed.
+    /// Starts `command`, which listens on `port`, or says why that failed. What goes to pipes is the log.
     pub(crate) fn try_start(
         command: &mut Command,
         folder: tempfile::TempDir,
         port: u16,
     ) -> Result<Self, String> {
-        let mut child = command.stderr(Stdio::piped()).spawn().map_err(|error| error.to_string())?;
+        let mut child = command.spawn().map_err(|error| error.to_string())?;
         let log = Arc::<Mutex<String>>::default();
-        gather(child.stderr.take().unwrap(), &log);
-        if let Some(stdout) = child.stdout.take() {
-            gather(stdout, &log);
-        }
+        child.stderr.take().into_iter().for_each(|stderr| gather(stderr, &log));
+        child.stdout.take().into_iter().for_each(|stdout| gather(stdout, &log));
         let mut program = Self { child, log, folder, port };
         let start = Instant::now();
         wait_for("the TCP server", || {

@@ -147,12 +147,6 @@ impl Drop for Following<'_> {
     }
 }
 
-impl Default for Capture {
-    fn default() -> Self {
-        Self::new()
-    }
-}
-
 impl Ring {
     fn end(&self) -> u32 {
         self.first.wrapping_add(self.heads.len() as u32)

@@ -338,11 +338,5 @@ impl Scanner {
     }
 }
 
-impl Default for Scanner {
-    fn default() -> Self {
-        Self::new()
-    }
-}
-
 const _: () = assert!(ROWS_MAX <= u8::MAX as usize, "a row's id is a byte");
 const _: () = assert!(DEVICES_MAX <= u8::MAX as usize, "a device's id is a byte");

@@ -374,9 +374,3 @@ impl Counters {
         self.events.iter().for_each(|counter| counter.store(0, Ordering::Relaxed));
     }
 }
-
-impl Default for Counters {
-    fn default() -> Self {
-        Self::new()
-    }
-}

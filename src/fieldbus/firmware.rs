@@ -112,12 +112,6 @@ impl FirmwareBuffer {
     }
 }
 
-impl Default for FirmwareBuffer {
-    fn default() -> Self {
-        Self::new()
-    }
-}
-
 impl Files for &FirmwareBuffer {
     fn open(&mut self, opening: &Opening<'_>) {
         let Opening { transfer, name, state, .. } = *opening;

@@ -353,9 +353,3 @@ impl EthercatState {
         });
     }
 }
-
-impl Default for EthercatState {
-    fn default() -> Self {
-        Self::new()
-    }
-}

@@ -86,9 +86,3 @@ impl Ends {
         Some(Frame { pool, index })
     }
 }
-
-impl Default for Channel {
-    fn default() -> Self {
-        Self::new()
-    }
-}

@@ -90,12 +90,6 @@ impl SlotState {
     }
 }
 
-impl Default for Slot {
-    fn default() -> Self {
-        Self::new()
-    }
-}
-
 /// The PDU would be longer than [`PDU_BYTES_MAX`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("longer than a PDU may be")]

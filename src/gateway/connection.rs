@@ -87,9 +87,3 @@ impl Connection {
         self.state.lock(|state| change(&mut state.borrow_mut()))
     }
 }
-
-impl Default for Connection {
-    fn default() -> Self {
-        Self::new()
-    }
-}

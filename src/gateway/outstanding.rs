@@ -308,12 +308,6 @@ fn is_exception(response: &[u8]) -> bool {
     response.first().is_some_and(|function| function & EXCEPTION_BIT != 0)
 }
 
-impl Default for Outstanding {
-    fn default() -> Self {
-        Self::new()
-    }
-}
-
 /// Whether `response` certainly comes from the device: an intermediate gateway may generate these exceptions.
 fn is_proof(response: &[u8]) -> bool {
     match *response {

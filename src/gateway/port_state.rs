@@ -133,12 +133,6 @@ impl<const N: usize> Ports<N> {
     }
 }
 
-impl<const N: usize> Default for Ports<N> {
-    fn default() -> Self {
-        Self::new()
-    }
-}
-
 /// A port's state, with access to its units.
 #[derive(Clone, Copy)]
 pub struct PortAt<'g> {
@@ -204,11 +198,5 @@ impl<'g> PortAt<'g> {
         self.set_status(Status::Off);
         self.units(|units| units.clear());
         self.changed.signal(());
-    }
-}
-
-impl Default for PortState {
-    fn default() -> Self {
-        Self::new()
     }
 }

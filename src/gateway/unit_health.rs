@@ -161,12 +161,6 @@ impl AllUnits {
     }
 }
 
-impl Default for AllUnits {
-    fn default() -> Self {
-        Self::new()
-    }
-}
-
 /// The units of one port.
 pub struct Units<'u> {
     all: &'u mut AllUnits,

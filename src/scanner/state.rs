@@ -38,9 +38,3 @@ impl ScannerState {
         self.changed.wait().await;
     }
 }
-
-impl Default for ScannerState {
-    fn default() -> Self {
-        Self::new()
-    }
-}

@@ -78,9 +78,3 @@ impl Log {
         self.0.lock(|log| log.borrow_mut().clear());
     }
 }
-
-impl Default for Log {
-    fn default() -> Self {
-        Self::new()
-    }
-}

@@ -1,4 +1,4 @@
-//! Devices behind Modbus TCP that answer nonsense, or are more than there are sockets; tests/scenarios/tcp_client.toml has the rest.
+//! Devices behind Modbus TCP that answer nonsense, or are more than there are sockets; tests/scenarios/tcp_client.yaml has the rest.
 
 use crate::prelude::*;
 

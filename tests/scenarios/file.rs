@@ -4,46 +4,35 @@ use std::collections::BTreeMap;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 
 use serde::Deserialize;
-use toml::{Table, Value};
+use yaml_serde::{Mapping, Value};
 
-/// A file: what its cases have in common, and the cases.
+/// Keys of a file that hold for each of its cases. All others are cases.
+const COMMON: [&str; 5] = ["about", "settings", "bus", "server", "client"];
+
+/// A case, ready to be played. What it says itself replaces what its file says, key by key.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(crate) struct File {
-    /// What the cases are about, for the reader.
+pub(crate) struct Case {
+    #[serde(skip)]
+    pub(crate) name: String,
+    /// What the cases of the file are about, for the reader.
     #[serde(rename = "about")]
     _about: String,
-    settings: Option<String>,
-    bus: Option<BTreeMap<String, Bus>>,
-    server: Option<BTreeMap<SocketAddr, Server>>,
-    client: Option<BTreeMap<String, Client>>,
-    /// By name.
-    case: BTreeMap<String, Table>,
-}
-
-/// The gateway's settings and its surroundings. What a case says replaces what the file says, table by table.
-pub(crate) struct Setup {
     /// Lines as they are typed at the console.
     pub(crate) settings: String,
-    /// The buses by the gateway's name for the device.
-    pub(crate) bus: BTreeMap<String, Bus>,
-    /// What the gateway finds at addresses of the network.
-    pub(crate) server: BTreeMap<SocketAddr, Server>,
-    /// The clients by name.
-    pub(crate) client: BTreeMap<String, Client>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct CaseText {
-    steps: String,
-    settings: Option<String>,
     /// Lines behind those of the file.
     #[serde(default)]
     more_settings: String,
-    bus: Option<BTreeMap<String, Bus>>,
-    server: Option<BTreeMap<SocketAddr, Server>>,
-    client: Option<BTreeMap<String, Client>>,
+    /// The buses by the gateway's name for the device.
+    #[serde(default)]
+    pub(crate) bus: BTreeMap<String, Bus>,
+    /// What the gateway finds at addresses of the network.
+    #[serde(default)]
+    pub(crate) server: BTreeMap<SocketAddr, Server>,
+    /// The clients by name.
+    #[serde(default)]
+    pub(crate) client: BTreeMap<String, Client>,
+    pub(crate) steps: String,
 }
 
 /// What hangs on a serial line.
@@ -144,50 +133,46 @@ fn modbus_port() -> u16 {
     502
 }
 
-/// A case, ready to be played.
-pub(crate) struct Case {
-    pub(crate) name: String,
-    pub(crate) steps: String,
-    pub(crate) setup: Setup,
-}
-
-impl File {
-    /// The cases; one with a table `each` is a case for each of its rows.
-    pub(crate) fn cases(&self) -> Result<Vec<Case>, toml::de::Error> {
-        let mut cases = Vec::new();
-        for (name, case) in &self.case {
-            let mut case = case.clone();
-            let each =
-                case.remove("each").map_or_else(|| Ok(vec![Table::new()]), Vec::<Table>::deserialize)?;
-            for row in each.into_iter().flat_map(combinations) {
-                let text = CaseText::deserialize(filled(&Value::Table(case.clone()), &row))?;
-                let told: Vec<String> = row.iter().map(|(key, value)| format!("{key} {value}")).collect();
-                let told = if told.is_empty() { String::new() } else { format!(" ({})", told.join(", ")) };
-                cases.push(self.case(format!("{name}{told}"), text));
-            }
+/// The cases of the file `text`; one with a list `each` is a case for each of its rows.
+pub(crate) fn cases(text: &str) -> Result<Vec<Case>, yaml_serde::Error> {
+    let file: Mapping = yaml_serde::from_str(text)?;
+    let is_common = |(key, _): &(Value, Value)| key.as_str().is_some_and(|key| COMMON.contains(&key));
+    let (common, own): (Mapping, Mapping) = file.into_iter().partition(is_common);
+    let mut cases = Vec::new();
+    for (name, case) in own {
+        let mut table = common.clone();
+        match case {
+            Value::Mapping(case) => table.extend(case),
+            steps => table.extend([("steps".into(), steps)]),
         }
-        Ok(cases)
+        let each = table.remove("each").map_or_else(|| Ok(vec![BTreeMap::new()]), yaml_serde::from_value)?;
+        for row in each.into_iter().flat_map(combinations) {
+            let mut case: Case = yaml_serde::from_value(filled(&Value::Mapping(table.clone()), &row))?;
+            let told: Vec<String> = row.iter().map(|(key, value)| format!("{key} {value}")).collect();
+            let told = if told.is_empty() { String::new() } else { format!(" ({})", told.join(", ")) };
+            case.name = text_of(&name) + &told;
+            case.settings += &case.more_settings;
+            cases.push(case);
+        }
     }
-
-    fn case(&self, name: String, case: CaseText) -> Case {
-        let setup = Setup {
-            settings: own_or_common(case.settings, &self.settings) + &case.more_settings,
-            bus: own_or_common(case.bus, &self.bus),
-            server: own_or_common(case.server, &self.server),
-            client: own_or_common(case.client, &self.client),
-        };
-        Case { name, steps: case.steps, setup }
-    }
+    Ok(cases)
 }
 
 /// A row of keys and texts for each combination of the values of those keys that have a list of them.
-fn combinations(row: Table) -> Vec<Vec<(String, String)>> {
+fn combinations(row: BTreeMap<String, Value>) -> Vec<Vec<(String, String)>> {
     row.into_iter().fold(vec![vec![]], |rows, (key, value)| {
-        let values = if let Value::Array(values) = value { values } else { vec![value] };
-        let text = |value: &Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
-        let longer = |row: &Vec<_>, value| [&row[..], &[(key.clone(), text(value))]].concat();
+        let values = if let Value::Sequence(values) = value { values } else { vec![value] };
+        let longer = |row: &Vec<_>, value| [&row[..], &[(key.clone(), text_of(value))]].concat();
         rows.iter().flat_map(|row| values.iter().map(move |value| longer(row, value))).collect()
     })
+}
+
+fn text_of(value: &Value) -> String {
+    match value {
+        Value::String(text) => text.clone(),
+        Value::Number(number) => number.to_string(),
+        other => panic!("{other:?} is neither a text nor a number"),
+    }
 }
 
 /// `value` with the texts of `row` wherever it has their keys in braces.
@@ -198,14 +183,10 @@ fn filled(value: &Value, row: &[(String, String)]) -> Value {
                 |text: String, (key, with): &(String, String)| text.replace(&format!("{{{key}}}"), with);
             Value::String(row.iter().fold(text.clone(), fill))
         }
-        Value::Array(values) => Value::Array(values.iter().map(|value| filled(value, row)).collect()),
-        Value::Table(table) => {
-            Value::Table(table.iter().map(|(key, value)| (key.clone(), filled(value, row))).collect())
+        Value::Sequence(values) => values.iter().map(|value| filled(value, row)).collect(),
+        Value::Mapping(table) => {
+            Value::Mapping(table.iter().map(|(key, value)| (key.clone(), filled(value, row))).collect())
         }
         other => other.clone(),
     }
-}
-
-fn own_or_common<T: Clone + Default>(own: Option<T>, common: &Option<T>) -> T {
-    own.or_else(|| common.clone()).unwrap_or_default()
 }

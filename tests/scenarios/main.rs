@@ -1,7 +1,7 @@
-//! Behaviour as data: every case of every `*.toml` file beside this one is a test.
+//! Behaviour as data: every case of every `*.yaml` file beside this one is a test.
 //!
-//! A case is played in a world of its own, in virtual time. `file` reads what is connected to the gateway, `step` reads
-//! what happens and what must come of it, and `play` does it. README.md tells the language.
+//! A case is played in a world of its own, in virtual time. `file` reads what is connected to the gateway, `script` puts
+//! its steps in order, and `play` does what they say. README.md tells the language.
 
 use std::path::{Path, PathBuf};
 
@@ -10,10 +10,8 @@ use libtest_mimic::{Arguments, Failed, Trial};
 mod faults;
 mod file;
 mod play;
-mod step;
+mod script;
 mod words;
-
-use file::File;
 
 fn main() {
     let arguments = Arguments::from_args();
@@ -26,7 +24,7 @@ fn files(folder: &Path) -> Vec<PathBuf> {
     let entries = folder.read_dir().expect("the folder of the scenarios");
     let mut files: Vec<PathBuf> = entries
         .map(|entry| entry.expect("an entry of the folder").path())
-        .filter(|path| path.extension().is_some_and(|extension| extension == "toml"))
+        .filter(|path| path.extension().is_some_and(|extension| extension == "yaml"))
         .collect();
     files.sort();
     files
@@ -36,7 +34,7 @@ fn files(folder: &Path) -> Vec<PathBuf> {
 fn trials(path: &Path) -> Vec<Trial> {
     let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let text = std::fs::read_to_string(path).expect("a file that was listed just now");
-    match toml::from_str::<File>(&text).and_then(|file| file.cases()) {
+    match file::cases(&text) {
         Ok(cases) => cases.into_iter().map(|case| trial(&stem, case)).collect(),
         Err(error) => {
             let error = Failed::from(error.to_string());

@@ -15,8 +15,8 @@ mod clients;
 mod points;
 
 use crate::faults::faults;
-use crate::file::{self, Bus, Case, Server, Setup};
-use crate::step::steps;
+use crate::file::{self, Bus, Case, Server};
+use crate::script::sentences;
 use crate::words::duration;
 use clients::Clients;
 
@@ -47,11 +47,10 @@ pub(crate) fn play(case: &Case) -> Result<(), String> {
 }
 
 fn play_once(case: &Case, seed: u64) -> Result<(), String> {
-    let steps = steps(&case.steps)?;
-    rig::with_gateway(seed, &case.setup.settings, |world, rig| {
-        let mut stage = Stage::build(&case.setup, world, rig)?;
-        for (line, step) in &steps {
-            let acted = stage.act(world, step);
+    rig::with_gateway(seed, &case.settings, |world, rig| {
+        let mut stage = Stage::build(case, world, rig)?;
+        for (line, sentence) in sentences(&case.steps) {
+            let acted = stage.act(world, &sentence);
             acted.map_err(|error| format!("at `{line}`: {error}, at {} us", Instant::now().as_micros()))?;
         }
         stage.clients.check_nothing_is_left()?;
@@ -63,20 +62,20 @@ fn play_once(case: &Case, seed: u64) -> Result<(), String> {
 }
 
 impl<'s, 'r, 'g> Stage<'s, 'r, 'g> {
-    fn build(setup: &'s Setup, world: &World<'_>, rig: &'r Rig<'g>) -> Result<Self, String> {
+    fn build(case: &'s Case, world: &World<'_>, rig: &'r Rig<'g>) -> Result<Self, String> {
         let mut stage = Self {
             rig,
             devices: BTreeMap::new(),
-            servers: &setup.server,
+            servers: &case.server,
             deaf: Vec::new(),
             strangers: BTreeMap::new(),
-            clients: Clients::new(&setup.client),
+            clients: Clients::new(&case.client),
             begun: Instant::now(),
         };
-        for (name, bus) in &setup.bus {
+        for (name, bus) in &case.bus {
             stage.connect_bus(world, name, bus)?;
         }
-        for (address, _) in setup.server.iter().filter(|(_, server)| !server.absent) {
+        for (address, _) in case.server.iter().filter(|(_, server)| !server.absent) {
             stage.listen(world, *address)?;
         }
         Ok(stage)

@@ -2,6 +2,31 @@
 
 use embassy_time::Duration;
 
+/// The words of a sentence; a colon behind one is a word of its own.
+pub(crate) fn words(sentence: &str) -> Vec<&str> {
+    let mut words = Vec::new();
+    for word in sentence.split_whitespace() {
+        match word.strip_suffix(':') {
+            Some(word) => words.extend([word, ":"]),
+            None => words.push(word),
+        }
+    }
+    words
+}
+
+/// The words of each of several parts with commas between them.
+pub(crate) fn listed<'w>(words: &[&'w str]) -> Vec<Vec<&'w str>> {
+    let mut parts = vec![Vec::new()];
+    for word in words {
+        let (word, is_last) = word.strip_suffix(',').map_or((*word, false), |word| (word, true));
+        parts.last_mut().expect("there is always one").push(word);
+        if is_last {
+            parts.push(Vec::new());
+        }
+    }
+    parts
+}
+
 /// `1.5s`, `20ms`, `750us`, `10min`.
 pub(crate) fn duration(word: &str) -> Result<Duration, String> {
     let digits = word.trim_end_matches(|letter: char| letter.is_ascii_alphabetic());

@@ -51,12 +51,6 @@ impl LastWords {
     }
 }
 
-impl Default for LastWords {
-    fn default() -> Self {
-        Self::new()
-    }
-}
-
 struct Writer<'a>(&'a mut LastWords);
 
 impl Write for Writer<'_> {

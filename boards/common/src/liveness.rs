@@ -60,12 +60,6 @@ impl<const N: usize> Liveness<N> {
     }
 }
 
-impl<const N: usize> Default for Liveness<N> {
-    fn default() -> Self {
-        Self::new()
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use core::future::{Future, pending, ready};

@@ -44,12 +44,6 @@ pub enum Step {
     None,
 }
 
-impl Default for Relaying {
-    fn default() -> Self {
-        Self::new()
-    }
-}
-
 impl Relaying {
     /// No relay.
     pub const fn new() -> Self {

@@ -7,17 +7,15 @@ use std::io::{Read, Write};
 use std::net::{Ipv4Addr, TcpStream};
 use std::path::Path;
 
-use common::{PATIENCE, Program, ask, free_port, mobgate, wait_for};
+use common::{PATIENCE, Program, ask, converse, free_port, wait_for};
 
 mod common;
 
 #[test]
 fn frames_are_written_as_they_come_and_decoded_without_settings() {
-    let (folder, port) = (tempfile::tempdir().unwrap(), free_port());
-    let file = folder.path().join("demo.pcapng");
-    let mut command = mobgate();
-    command.args(["--listen", &format!("127.0.0.1:{port}"), "--socket", "off", "--capture"]).arg(&file);
-    let program = Program::start(&mut command, folder, port);
+    let options = ["--listen", "127.0.0.1:{port}", "--socket", "off", "--capture", "{folder}/demo.pcapng"];
+    let program = Program::with("", &options);
+    let file = program.file("demo.pcapng");
     let answer = ask(&mut program.connect(), 1, &[3, 0, 0, 0, 2]);
     assert_eq!(answer[..2], [3, 4]);
     wait_for("the answer in the file", || fs::read(&file).ok().filter(|written| is_whole(written)));
@@ -55,20 +53,15 @@ fn decoded(file: &Path) -> String {
 
 #[test]
 fn the_console_begins_and_ends_a_file_and_writes_over_none() {
-    let (folder, port) = (tempfile::tempdir().unwrap(), free_port());
-    let file = folder.path().join("later.pcapng");
-    let mut command = mobgate();
-    command.args(["--listen", &format!("127.0.0.1:{port}"), "--socket"]).arg(folder.path().join("console"));
-    command.current_dir(folder.path());
-    let below = folder.path().join("below");
-    fs::create_dir(&below).unwrap();
-    std::os::unix::fs::symlink("/", below.join("all")).unwrap();
-    let program = Program::start(&mut command, folder, port);
+    let program = Program::demo_with_console();
+    let file = program.file("later.pcapng");
+    fs::create_dir(program.file("below")).unwrap();
+    std::os::unix::fs::symlink("/", program.file("below/all")).unwrap();
     let mut console = program.session();
     // Nowhere else, and over nothing.
     for elsewhere in [file.to_str().unwrap(), "../later.pcapng", "below/../../x", "below/all/tmp/x"] {
-        console.write_all(format!("capture {elsewhere}\n").as_bytes()).unwrap();
-        read_until(&mut console, "captures are files below the folder that the program was started in");
+        let refused = "captures are files below the folder that the program was started in";
+        converse(&mut console, &format!("capture {elsewhere}\n"), refused);
     }
     let capture = "capture later.pcapng\n";
     console.write_all(capture.as_bytes()).unwrap();
@@ -76,31 +69,16 @@ fn the_console_begins_and_ends_a_file_and_writes_over_none() {
     let mut client = program.connect();
     ask(&mut client, 1, &[3, 0, 0, 0, 2]);
     wait_for("the answer in the file", || fs::read(&file).ok().filter(|written| is_whole(written)));
-    console.write_all(b"capture off\nshow version\n").unwrap();
-    read_until(&mut console, "mobgate ");
+    converse(&mut console, "capture off\nshow version\n", "mobgate ");
     ask(&mut client, 1, &[3, 0, 0, 0, 2]);
     assert_eq!(decoded(&file), WHOLE, "the second transaction is not in there");
-    console.write_all(capture.as_bytes()).unwrap();
-    read_until(&mut console, "failed (there is such a file already)");
-}
-
-/// Reads until `text` has come, in however many pieces.
-fn read_until(console: &mut impl Read, text: &str) {
-    let (mut said, mut part) = (String::new(), [0; 512]);
-    while !said.contains(text) {
-        let count = console.read(&mut part).unwrap_or_else(|error| panic!("{error} after {said:?}"));
-        assert!(count > 0, "the session ended after {said:?}");
-        said.push_str(&String::from_utf8_lossy(&part[..count]));
-    }
+    converse(&mut console, &capture, "failed (there is such a file already)");
 }
 
 #[test]
 fn frames_are_streamed_by_tcp_to_whoever_connects() {
-    let (folder, port, wire) = (tempfile::tempdir().unwrap(), free_port(), free_port());
-    let file = folder.path().join("streamed.pcapng");
-    let mut command = mobgate();
-    command.args(["--listen", &format!("127.0.0.1:{port}"), "--socket"]).arg(folder.path().join("console"));
-    let program = Program::start(&mut command, folder, port);
+    let (program, wire) = (Program::demo_with_console(), free_port());
+    let file = program.file("streamed.pcapng");
     let set = format!("port wire tcp server 127.0.0.1:{wire} capture\n");
     program.session().write_all(set.as_bytes()).unwrap();
     let mut stream = wait_for("the capture's port", || TcpStream::connect((Ipv4Addr::LOCALHOST, wire)).ok());

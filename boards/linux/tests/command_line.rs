@@ -25,14 +25,13 @@ fn told(socket: &UnixDatagram, last: &str) -> Vec<String> {
 
 #[test]
 fn a_service_manager_is_told_that_it_runs_goes_on_and_stops() {
-    let (folder, port) = (tempfile::tempdir().unwrap(), free_port());
+    let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("notify");
     let socket = UnixDatagram::bind(&path).unwrap();
     socket.set_read_timeout(Some(PATIENCE)).unwrap();
     let mut command = mobgate();
-    command.args(["--listen", &port.to_string(), "--socket", "off"]);
     command.env("NOTIFY_SOCKET", &path).env("WATCHDOG_USEC", "60000");
-    let program = Program::start(&mut command, folder, port);
+    let program = Program::by(&mut command, "", &["--listen", "127.0.0.1:{port}", "--socket", "off"]);
     assert_eq!(told(&socket, "WATCHDOG=1"), ["READY=1", "WATCHDOG=1"]);
     // By itself, again and again.
     assert_eq!(told(&socket, "WATCHDOG=1"), ["WATCHDOG=1"]);
@@ -244,11 +243,8 @@ fn the_end_of_standard_input_neither_ends_nor_spins_the_program() {
 
 #[test]
 fn the_journal_gets_priorities_and_no_times() {
-    let file = file("port P1 serial /dev/does-not-exist rtu client\nport P502 tcp server {port}\n");
-    let port = free_port();
-    fs::write(&file, fs::read_to_string(&file).unwrap().replace("{port}", &port.to_string())).unwrap();
-    let mut command = mobgate();
-    command.env("JOURNAL_STREAM", "8:12345").arg("--config").arg(file.path()).args(["--socket", "off"]);
-    let program = Program::start(&mut command, tempfile::tempdir().unwrap(), port);
+    let settings = "port P1 serial /dev/does-not-exist rtu client\nport P502 tcp server {port}\n";
+    let options = ["--config", "{folder}/mobgate.conf", "--socket", "off"];
+    let program = Program::by(mobgate().env("JOURNAL_STREAM", "8:12345"), settings, &options);
     program.logs("<4>/dev/does-not-exist cannot be opened: not found");
 }

@@ -44,10 +44,7 @@ fn save_writes_the_file_that_check_finds_good() {
 
 #[test]
 fn the_demo_cannot_save_and_says_how_it_could() {
-    let (folder, port) = (tempfile::tempdir().unwrap(), free_port());
-    let mut command = mobgate();
-    command.args(["--listen", &port.to_string(), "--socket"]).arg(folder.path().join("console"));
-    let program = Program::start(&mut command, folder, port);
+    let program = Program::demo_with_console();
     converse(&mut program.session(), "save\n", "start with --config FILE");
 }
 
@@ -77,32 +74,25 @@ fn a_taken_console_port_ends_the_start() {
 #[test]
 fn lines_of_a_file_on_standard_input_are_carried_out_and_the_gateway_goes_on() {
     let (folder, port) = (tempfile::tempdir().unwrap(), free_port());
-    let (config, lines) = (folder.path().join("mobgate.conf"), folder.path().join("lines"));
-    fs::write(&config, "").unwrap();
+    let lines = folder.path().join("lines");
     // The last line lacks its end.
     fs::write(&lines, format!("port P502 tcp server 127.0.0.1:{port}\nshow config")).unwrap();
+    fs::write(folder.path().join("mobgate.conf"), "").unwrap();
     let mut command = mobgate();
-    command.arg("--config").arg(config).args(["--socket", "off"]).stdin(File::open(lines).unwrap());
-    let mut program = Program::start(&mut command, folder, port);
+    command.arg("--config").arg(folder.path().join("mobgate.conf")).args(["--socket", "off"]);
+    let mut program = Program::start(command.stdin(File::open(lines).unwrap()), folder, port);
     program.logs(&format!("port P502 tcp server 127.0.0.1:{port}"));
     assert!(program.is_running());
 }
 
 /// The program with a TCP server and a console on TCP, which is told here.
 fn on_tcp() -> (Program, u16) {
-    let (folder, port, console) = (tempfile::tempdir().unwrap(), free_port(), free_port());
-    let config = folder.path().join("mobgate.conf");
-    let port_and_rule = format!("port P502 tcp server 127.0.0.1:{port}\nroute P502 1 * * local readonly\n");
-    fs::write(&config, port_and_rule + USER).unwrap();
-    let mut command = mobgate();
-    command.arg("--config").arg(config).args([
-        "--socket",
-        "off",
-        "--console",
-        &format!("127.0.0.1:{console}"),
-    ]);
-    let program = Program::start(&mut command, folder, port);
-    (program, console)
+    let console = free_port();
+    let settings =
+        format!("port P502 tcp server 127.0.0.1:{{port}}\nroute P502 1 * * local readonly\n{USER}");
+    let at = format!("127.0.0.1:{console}");
+    let options = ["--config", "{folder}/mobgate.conf", "--socket", "off", "--console", &at];
+    (Program::with(&settings, &options), console)
 }
 
 #[test]

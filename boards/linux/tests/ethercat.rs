@@ -1,7 +1,6 @@
 //! The program as an EtherCAT SubDevice at a network interface: SOEM brings it to Op, and interfaces come and go.
 
 use std::fs;
-use std::path::PathBuf;
 use std::process::Command;
 use std::time::{Duration, Instant};
 
@@ -16,6 +15,9 @@ use mobgate_simulator::own_network::{
 use common::{PATIENCE, Program, mobgate, output, wait_for, with_console};
 
 mod common;
+
+/// Options of the demo's bus behind settings of a test's own, with a console.
+const DEMO: [&str; 5] = ["--demo", "--config", "{folder}/mobgate.conf", "--socket", "{folder}/console"];
 
 /// The demo's meter and relays behind the process image of a SubDevice at the cable.
 const METER_AND_RELAYS: &str = "\
@@ -101,18 +103,11 @@ impl MainDevice {
 #[test]
 fn pysoem_reads_and_writes_devices_by_process_data_and_saves() {
     in_own_network("pysoem_reads_and_writes_devices_by_process_data_and_saves", || {
-        let folder = tempfile::tempdir().unwrap();
-        let port = common::free_port();
-        let file = folder.path().join("mobgate.conf");
-        fs::write(&file, METER_AND_RELAYS.replace("{port}", &port.to_string())).unwrap();
-        let mut command = mobgate();
-        command.arg("--demo").arg("--config").arg(&file);
-        command.arg("--socket").arg(folder.path().join("console"));
-        let program = Program::start(&mut command, folder, port);
+        let program = Program::with(METER_AND_RELAYS, &DEMO);
         assert!(console(&program, "edit port ecat on-loss clear").is_empty());
         let script = start_master("linux.py", &["save".to_owned()]).wait().unwrap();
         assert!(script.success(), "the MainDevice's script: {script}\n{}", program.log());
-        let kept = fs::read_to_string(&file).unwrap();
+        let kept = fs::read_to_string(program.config()).unwrap();
         assert!(kept.contains("interface ecs0 on-loss clear"), "{kept}");
         let ports = console(&program, "show ports");
         assert!(ports.contains("ecat            ethercat     ecs0"), "{ports}");
@@ -123,17 +118,9 @@ fn pysoem_reads_and_writes_devices_by_process_data_and_saves() {
 #[test]
 fn pysoem_exchanges_images_that_a_controller_of_4_kib_would_not_hold() {
     in_own_network("pysoem_exchanges_images_that_a_controller_of_4_kib_would_not_hold", || {
-        let folder = tempfile::tempdir().unwrap();
-        let port = common::free_port();
-        let file = folder.path().join("mobgate.conf");
         // Between meter and relays, whom nobody answers for: 600 bytes each way.
         let silent = "slave 1 unit 9 holding 0 count 300 read 1h\nslave 2 ";
-        let settings = METER_AND_RELAYS.replace("slave 1 ", silent).replace("{port}", &port.to_string());
-        fs::write(&file, settings).unwrap();
-        let mut command = mobgate();
-        command.arg("--demo").arg("--config").arg(&file);
-        command.arg("--socket").arg(folder.path().join("console"));
-        let program = Program::start(&mut command, folder, port);
+        let program = Program::with(&METER_AND_RELAYS.replace("slave 1 ", silent), &DEMO);
         let script = start_master("linux.py", &["long".to_owned()]).wait().unwrap();
         assert!(script.success(), "the MainDevice's script: {script}\n{}", program.log());
     });
@@ -235,44 +222,27 @@ fn frames_of_others_and_of_this_machine_are_left_alone_and_malformed_ones_are_co
 fn without_the_right_to_a_raw_socket_it_says_which_one_is_missing() {
     let test = "without_the_right_to_a_raw_socket_it_says_which_one_is_missing";
     in_own_network(test, || {
-        let folder = tempfile::tempdir().unwrap();
-        let port = common::free_port();
-        let file = folder.path().join("mobgate.conf");
-        fs::write(&file, ALONE.replace("{port}", &port.to_string())).unwrap();
         let mut command = Command::new("setpriv");
-        command.args(["--bounding-set", "-net_raw"]).arg(env!("CARGO_BIN_EXE_mobgate"));
-        command.arg("--config").arg(file).arg("--socket").arg(folder.path().join("console"));
-        let program = Program::start(&mut command, folder, port);
+        command.args(["--bounding-set", "-net_raw", env!("CARGO_BIN_EXE_mobgate")]);
+        let program = Program::by(&mut command, ALONE, &DEMO[1..]);
         program.logs("a raw socket needs CAP_NET_RAW: sudo setcap cap_net_raw,cap_net_bind_service=+ep");
         assert!(console(&program, "show ports").contains("failed (a raw socket needs CAP_NET_RAW"));
     });
 }
 
 /// The script of docs/ethercat-on-linux.md.
-fn script_of_the_documentation(folder: &tempfile::TempDir) -> PathBuf {
+fn script_of_the_documentation() -> &'static str {
     let page = include_str!("../../../docs/ethercat-on-linux.md");
-    let script = page.split_once("```python\n").and_then(|(_, rest)| rest.split_once("```")).unwrap().0;
-    let path = folder.path().join("meter.py");
-    fs::write(&path, script).unwrap();
-    path
+    page.split_once("```python\n").and_then(|(_, rest)| rest.split_once("```")).unwrap().0
 }
 
 #[test]
 fn the_demo_is_a_sub_device_that_the_documentations_script_reads() {
     in_own_network("the_demo_is_a_sub_device_that_the_documentations_script_reads", || {
-        let port = common::free_port();
-        let folder = tempfile::tempdir().unwrap();
-        let script = script_of_the_documentation(&folder);
-        let mut command = mobgate();
-        command.args([
-            "--demo",
-            "ethercat=ecs0",
-            "--listen",
-            &format!("127.0.0.1:{port}"),
-            "--socket",
-            "off",
-        ]);
-        let program = Program::start(&mut command, folder, port);
+        let options = ["--demo", "ethercat=ecs0", "--listen", "127.0.0.1:{port}", "--socket", "off"];
+        let program = Program::with("", &options);
+        let script = program.file("meter.py");
+        fs::write(&script, script_of_the_documentation()).unwrap();
         program.logs("An EtherCAT SubDevice with the meter and the relays is at ecs0.");
         // SOEM waits for a frame for 2 ms while it starts, and a busy machine may take longer: then it is started again.
         wait_for("the script to show volts and a relay", || {

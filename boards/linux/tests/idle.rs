@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use serial2::SerialPort;
 
-use common::{Program, ask, converse, free_port, mobgate};
+use common::{Program, ask, converse, mobgate};
 
 mod common;
 
@@ -38,19 +38,15 @@ fn nothing_wakes_up_while_nothing_is_to_be_done() {
     let (_device, device_end) = SerialPort::pair().unwrap();
     let (_master, master_end) = SerialPort::pair().unwrap();
     let name = |end: &SerialPort| rustix::termios::ttyname(end, Vec::new()).unwrap().into_string().unwrap();
-    let (folder, port) = (tempfile::tempdir().unwrap(), free_port());
-    let config = folder.path().join("mobgate.conf");
     let settings = format!(
         "port P1 serial {} rtu client 19200 8E1\nport P2 serial {} rtu server 19200 8E1\n\
-         port P502 tcp server 127.0.0.1:{port}\nroute P502 1 * * local\nroute P2 * * * P1\n",
+         port P502 tcp server 127.0.0.1:{{port}}\nroute P502 1 * * local\nroute P2 * * * P1\n",
         name(&device_end),
         name(&master_end)
     );
-    fs::write(&config, settings).unwrap();
-    let mut command = mobgate();
-    command.arg("--config").arg(config).arg("--socket").arg(folder.path().join("console"));
     // Standard input stays open, and nothing comes.
-    let program = Program::start(command.stdin(Stdio::piped()), folder, port);
+    let options = ["--config", "{folder}/mobgate.conf", "--socket", "{folder}/console"];
+    let program = Program::by(mobgate().stdin(Stdio::piped()), &settings, &options);
     let mut client = program.connect();
     assert_eq!(ask(&mut client, 1, &[8, 0, 0, 0x12, 0x34]), [8, 0, 0, 0x12, 0x34]);
     let mut session = program.session();

@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 use rustix::process::Signal;
 use serial2::SerialPort;
 
-use common::{PATIENCE, Program, ask, free_port, mobgate, wait_for};
+use common::{PATIENCE, Program, ask, mobgate, wait_for};
 
 mod common;
 
@@ -217,18 +217,15 @@ fn stepping(folder: &Path) -> std::path::PathBuf {
 
 #[test]
 fn a_wall_clock_that_steps_by_days_moves_no_timer_and_ends_no_session() {
-    let (device, folder, port) = (Device::start(), tempfile::tempdir().unwrap(), free_port());
-    let config = folder.path().join("mobgate.conf");
-    let text = format!(
-        "port P1 serial {} rtu client 115200 timeout 400ms down-after 0\nport P502 tcp server {port} idle 4s\n\
+    let (device, folder) = (Device::start(), tempfile::tempdir().unwrap());
+    let settings = format!(
+        "port P1 serial {} rtu client 115200 timeout 400ms down-after 0\nport P502 tcp server {{port}} idle 4s\n\
          route P502 * * * P1\n",
         device.name
     );
-    fs::write(&config, text).unwrap();
-    let mut command = mobgate();
-    command.arg("--config").arg(&config).args(["--socket", "off"]);
-    command.env("LD_PRELOAD", stepping(folder.path()));
-    let program = Program::start(&mut command, folder, port);
+    let options = ["--config", "{folder}/mobgate.conf", "--socket", "off"];
+    let stepping = stepping(folder.path());
+    let program = Program::by(mobgate().env("LD_PRELOAD", stepping), &settings, &options);
     program.logs("is open");
     let mut idle = program.connect();
     let since = Instant::now();

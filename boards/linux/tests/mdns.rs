@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use mobgate_simulator::own_network::{MASTER_END, in_own_network, ip, python};
 
-use common::{PATIENCE, Program, converse, free_port, mobgate};
+use common::{PATIENCE, converse, with_console};
 
 mod common;
 
@@ -57,14 +57,9 @@ fn address(net: u8, interface: &str) {
 fn servers_are_found_by_the_gateways_name_until_it_is_switched_off() {
     in_own_network("servers_are_found_by_the_gateways_name_until_it_is_switched_off", || {
         address(1, MASTER_END);
-        let (folder, port) = (tempfile::tempdir().unwrap(), free_port());
-        let config = folder.path().join("mobgate.conf");
-        let lines =
-            format!("mdns on name cabinet-7\nport P502 tcp server {port}\nport own tcp server 127.0.0.1:1\n");
-        std::fs::write(&config, lines).unwrap();
-        let mut command = mobgate();
-        command.arg("--config").arg(config).arg("--socket").arg(folder.path().join("console"));
-        let program = Program::start(&mut command, folder, port);
+        let lines = "mdns on name cabinet-7\nport P502 tcp server {port}\nport own tcp server 127.0.0.1:1\n";
+        let program = with_console(lines);
+        let port = program.port;
         program.logs("found on the network as cabinet-7");
         let host = rustix::system::uname().nodename().to_string_lossy().into_owned();
         let host = host.split('.').next().unwrap().replace('_', "-");

@@ -3,10 +3,10 @@
 use std::io::{ErrorKind, Read, Write};
 use std::net::{Ipv4Addr, TcpStream};
 use std::process::{Command, Stdio};
+use std::thread;
 use std::time::{Duration, Instant};
-use std::{fs, thread};
 
-use common::{Program, ask, free_port, wait_for};
+use common::{Program, ask, wait_for};
 
 mod common;
 
@@ -27,13 +27,11 @@ fn ten_thousand_connections_opened_and_dropped_leave_the_program_as_it_was() {
 
 #[test]
 fn without_descriptors_left_connections_wait_and_the_program_does_not_spin() {
-    let (folder, port) = (tempfile::tempdir().unwrap(), free_port());
-    let config = folder.path().join("mobgate.conf");
-    fs::write(&config, format!("port P502 tcp server {port} clients 100\n")).unwrap();
     let mut command = Command::new("sh");
     let limited = "ulimit -n 40; exec \"$0\" --socket off --config \"$1\"";
-    command.args(["-c", limited, env!("CARGO_BIN_EXE_mobgate")]).arg(config);
-    let program = Program::start(command.stdin(Stdio::null()), folder, port);
+    command.args(["-c", limited, env!("CARGO_BIN_EXE_mobgate")]).stdin(Stdio::null());
+    let settings = "port P502 tcp server {port} clients 100\n";
+    let program = Program::by(&mut command, settings, &["{folder}/mobgate.conf"]);
     let crowd: Vec<TcpStream> = (0..60).map(|_| program.connect()).collect();
     program.logs("a TCP connection has to wait");
     let before = program.cpu_ticks();

@@ -1,9 +1,6 @@
 //! The console at a terminal: the program's own, and one that joins a gateway by `mobgate console`.
 
 use std::fs::File;
-use std::net::{Ipv4Addr, TcpStream};
-use std::os::unix::net::UnixStream;
-use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
 
 use rustix::process::{Pid, Signal, kill_process};
@@ -47,21 +44,23 @@ impl Terminal {
 
     /// A gateway with the demo's bus.
     fn gateway(&self) -> Program {
-        let port = free_port();
+        let (folder, port) = (tempfile::tempdir().unwrap(), free_port());
         let mut command = self.command();
-        command.args(["--socket", "off", "--listen"]).arg(port.to_string());
-        Program::start_on(&mut command, self.open(), tempfile::tempdir().unwrap(), port)
+        command.args(["--socket", "off", "--listen", &port.to_string()]);
+        Program::try_start(command.stdout(self.open()).stderr(Stdio::piped()), folder, port).unwrap()
     }
 
     /// A gateway with the demo's bus whose log is on the terminal as well.
-    fn whole_gateway(&self) -> Whole {
-        let (port, folder) = (free_port(), tempfile::tempdir().unwrap());
-        let socket = folder.path().join("console");
+    fn whole_gateway(&self) -> Program {
+        let (folder, port) = (tempfile::tempdir().unwrap(), free_port());
         let mut command = self.command();
-        command.env_remove("RUST_LOG").env_remove("JOURNAL_STREAM").arg("--socket").arg(&socket);
+        command
+            .env_remove("RUST_LOG")
+            .env_remove("JOURNAL_STREAM")
+            .arg("--socket")
+            .arg(folder.path().join("console"));
         command.args(["--listen", &format!("127.0.0.1:{port}")]).stdout(self.open()).stderr(self.open());
-        let child = command.spawn().unwrap();
-        Whole { child, port, socket, _folder: folder }
+        Program::try_start(&mut command, folder, port).unwrap()
     }
 
     /// A session at the console of `program`.
@@ -80,30 +79,6 @@ impl Terminal {
     /// Types `keys`, and reads until `answer` has come.
     fn type_in(&mut self, keys: &str, answer: &str) -> String {
         converse(&mut self.keyboard, keys, answer)
-    }
-}
-
-/// A program whose terminal has all that it says.
-struct Whole {
-    child: Child,
-    port: u16,
-    socket: PathBuf,
-    _folder: tempfile::TempDir,
-}
-
-impl Whole {
-    /// A session at the socket, which is a line of the log.
-    fn session(&self) -> UnixStream {
-        let session = wait_for("the socket", || UnixStream::connect(&self.socket).ok());
-        session.set_read_timeout(Some(PATIENCE)).unwrap();
-        session
-    }
-}
-
-impl Drop for Whole {
-    fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
     }
 }
 
@@ -235,9 +210,7 @@ fn a_terminal_that_nobody_reads_delays_no_request() {
     for _ in 0..400 {
         converse(&mut program.session(), "show version\n", "mobgate 0.");
     }
-    let mut stream = TcpStream::connect((Ipv4Addr::LOCALHOST, program.port)).unwrap();
-    stream.set_read_timeout(Some(PATIENCE)).unwrap();
-    assert_eq!(ask(&mut stream, 2, &[1, 0, 0, 0, 8])[..2], [1, 1]);
+    assert_eq!(ask(&mut program.connect(), 2, &[1, 0, 0, 0, 8])[..2], [1, 1]);
 }
 
 #[test]

@@ -72,12 +72,6 @@ impl Rate {
     }
 }
 
-impl Default for Rate {
-    fn default() -> Self {
-        Self::new()
-    }
-}
-
 /// A name in wire format.
 type DnsName = Name<Vec<u8, DNS_NAME_BYTES_MAX>>;
 

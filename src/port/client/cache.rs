@@ -127,9 +127,3 @@ impl Cache {
         self.kept.iter().take(index).map(|kept| usize::from(kept.length)).sum()
     }
 }
-
-impl Default for Cache {
-    fn default() -> Self {
-        Self::new()
-    }
-}

@@ -350,9 +350,3 @@ fn add(counts: &mut [u8; REQUESTERS_MAX], slot: usize, more: u8) -> u8 {
         *count
     })
 }
-
-impl<T> Default for PortQueue<T> {
-    fn default() -> Self {
-        Self::new()
-    }
-}

@@ -52,12 +52,6 @@ struct Foreign {
     request: Pdu,
 }
 
-impl Default for RtuSniffer {
-    fn default() -> Self {
-        Self::new()
-    }
-}
-
 impl RtuSniffer {
     /// As after power-up: the line may be in the middle of a frame.
     pub const fn new() -> Self {

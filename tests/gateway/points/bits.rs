@@ -1,4 +1,4 @@
-//! Single bits of registers, by value; tests/scenarios/point_bits.toml has what goes on the line.
+//! Single bits of registers, by value; tests/scenarios/point_bits.yaml has what goes on the line.
 
 use mobgate::scanner::{Form, RegisterBit, Request};
 

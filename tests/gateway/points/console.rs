@@ -1,5 +1,5 @@
 //! Points that are watched at the console of a gateway with a device on its line; the other commands are in
-//! tests/scenarios/point_commands.toml.
+//! tests/scenarios/point_commands.yaml.
 
 use mobgate_simulator::console::typed_slowly;
 

@@ -62,9 +62,10 @@ fn bits_and_error_codes_are_those_of_the_vectors() {
 
 #[test]
 fn every_status_bit_and_every_error_code_has_a_scenario() {
-    let scenarios = include_str!("../../scenarios/points.toml");
+    let scenarios = include_str!("../../scenarios/points.yaml");
     let seen = |word: &str| {
-        let states = scenarios.lines().filter_map(|line| line.strip_prefix("point ")?.split_once(" is "));
+        let states =
+            scenarios.lines().filter_map(|line| line.trim_start().strip_prefix("point ")?.split_once(" is "));
         states.map(|(_, status)| status).any(|status| {
             status.split(' ').any(|flag| flag == word) || status.ends_with(&format!("({word})"))
         })

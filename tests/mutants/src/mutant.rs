@@ -1,6 +1,6 @@
 //! A mutant, and the list of those that are no fault.
 
-use std::collections::HashSet;
+use std::collections::{BTreeMap, HashSet};
 use std::fmt;
 use std::path::Path;
 
@@ -21,7 +21,7 @@ pub(crate) struct Mutant {
 impl Mutant {
     /// What it is, wherever its line has moved.
     pub(crate) fn key(&self) -> String {
-        format!("{}: {}: {}", self.file, self.source, self.change)
+        key(&self.file, &self.source, &self.change)
     }
 }
 
@@ -47,46 +47,39 @@ pub(crate) fn mutants(file: &str, text: &str, sites: &[Site]) -> Vec<Mutant> {
     sites.iter().flat_map(of_site).collect()
 }
 
-/// Mutants that behave as the original does, each with the reason, in `equivalent.toml`. They are found by what they
-/// are, not by the number of their line.
-#[derive(Debug, Deserialize)]
+/// Mutants of a line that behave as the original does, for one reason. They are found by what they are, not by the number of their
+/// line.
+#[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(crate) struct Equivalent {
-    file: String,
+struct Equivalent {
     line: String,
-    change: String,
+    changes: Vec<String>,
     /// Why nobody could notice; for people.
     #[serde(rename = "reason")]
     _reason: String,
 }
 
-#[derive(Deserialize, Default)]
-#[serde(deny_unknown_fields)]
-struct List {
-    #[serde(default)]
-    mutant: Vec<Equivalent>,
-}
-
-impl Equivalent {
-    /// Whether this is meant.
-    pub(crate) fn is(&self, mutant: &Mutant) -> bool {
-        self.file == mutant.file && self.line == mutant.source && self.change == mutant.change
-    }
-}
-
-/// Reads the list. An entry that no longer says which mutant it means is an error: its code was changed, or left the scope.
-pub(crate) fn equivalent(path: &Path, all: &[Mutant]) -> Result<Vec<Equivalent>, String> {
+/// Reads the list, by file, as keys of mutants. An entry that no longer says which mutant it means is an error: its code was changed,
+/// or left the scope.
+pub(crate) fn equivalent(path: &Path, all: &[Mutant]) -> Result<HashSet<String>, String> {
     let text = std::fs::read_to_string(path).map_err(|error| format!("{}: {error}", path.display()))?;
-    let list: List = toml::from_str(&text).map_err(|error| format!("{}: {error}", path.display()))?;
-    let there: HashSet<(&str, &str, &str)> =
-        all.iter().map(|mutant| (&*mutant.file, &*mutant.source, &*mutant.change)).collect();
-    let is_stale = |entry: &&Equivalent| !there.contains(&(&*entry.file, &*entry.line, &*entry.change));
-    let stale = list.mutant.iter().filter(is_stale);
-    let stale: Vec<_> =
-        stale.map(|Equivalent { file, line, change, .. }| format!("{file}: `{line}`: {change}")).collect();
+    let list: BTreeMap<String, Vec<Equivalent>> =
+        toml::from_str(&text).map_err(|error| format!("{}: {error}", path.display()))?;
+    let mut keys = HashSet::new();
+    for (file, entries) in &list {
+        for Equivalent { line, changes, .. } in entries {
+            keys.extend(changes.iter().map(|change| key(file, line, change)));
+        }
+    }
+    let there = all.iter().map(Mutant::key).collect();
+    let stale: Vec<&str> = keys.difference(&there).map(String::as_str).collect();
     if stale.is_empty() {
-        Ok(list.mutant)
+        Ok(keys)
     } else {
         Err(format!("{}: no longer there:\n{}", path.display(), stale.join("\n")))
     }
+}
+
+fn key(file: &str, line: &str, change: &str) -> String {
+    format!("{file}: {line}: {change}")
 }

@@ -1,77 +1,102 @@
 //! What each step does, except those of clients.
 
 use std::net::{IpAddr, Ipv4Addr};
+use std::str::FromStr;
 
 use embassy_futures::select::select;
 use embassy_time::{Duration, Instant, Timer};
 use embedded_io_async::Write;
+use mobgate::stats::Event;
 use mobgate_simulator::{Random, World, console, fault::babble};
 
 use super::Stage;
 use crate::faults::faults;
-use crate::step::{OfServer, OfUnit, OfWire, Step};
+use crate::script::exchange;
+use crate::words::{bytes, duration, listed, number, words};
 
 /// Time for the gateway to take note of something that has just been done to it.
 const MOMENT: Duration = Duration::from_millis(1);
 
 impl Stage<'_, '_, '_> {
-    /// Takes a step.
-    pub(super) fn act(&mut self, world: &mut World<'_>, step: &Step) -> Result<(), String> {
-        match step {
-            Step::Wait(time) => world.run_for(*time),
-            Step::At(at) if self.begun + *at < Instant::now() => {
-                return Err("that time has passed".to_owned());
-            }
-            Step::At(at) => world.run_until(Timer::at(self.begun + *at)),
-            Step::Console { line, refused } => {
-                match (self.rig.console(line), refused) {
-                    (Ok(()), true) => return Err("the line was taken".to_owned()),
-                    (Err(error), false) => return Err(error),
-                    _ => {}
-                }
-                world.run_for(MOMENT);
-            }
-            Step::Shows { command, phrases, not } => {
+    /// Does what a sentence says.
+    pub(super) fn act(&mut self, world: &mut World<'_>, sentence: &str) -> Result<(), String> {
+        if let Some(line) = sentence.strip_prefix("console: ") {
+            self.rig.console(line)?;
+            world.run_for(MOMENT);
+            return Ok(());
+        }
+        if let Some(line) = sentence.strip_prefix("console refuses: ") {
+            let taken = self.rig.console(line).is_ok();
+            world.run_for(MOMENT);
+            return equal("the line was taken", taken, false);
+        }
+        for (separator, expected) in [(" has no:", false), (" has:", true)] {
+            if let Some((command, phrases)) = sentence.split_once(separator) {
                 let shown = world.run_until(console::typed(self.rig.gateway, command));
-                if has(&shown, phrases) == *not {
-                    return Err(format!("it shows\n{shown}"));
+                let is_right = has(&shown, phrases) == expected;
+                return if is_right { Ok(()) } else { Err(format!("it shows\n{shown}")) };
+            }
+        }
+        if let Some((count, repeated)) = sentence.split_once(" times: ") {
+            let mut once = || repeated.split("; ").try_for_each(|sentence| self.act(world, sentence));
+            return (0..number(count)?).try_for_each(|_| once());
+        }
+        if let Some((question, answer)) = exchange(sentence) {
+            self.act(world, question)?;
+            return self.act(world, &answer);
+        }
+        self.act_words(world, &words(sentence))
+    }
+
+    fn act_words(&mut self, world: &mut World<'_>, words: &[&str]) -> Result<(), String> {
+        let network = &self.rig.network;
+        match words {
+            ["wait", time] => world.run_for(duration(time)?),
+            ["at", time] => {
+                let at = self.begun + duration(time)?;
+                if at < Instant::now() {
+                    return Err("that time has passed".to_owned());
                 }
+                world.run_until(Timer::at(at));
             }
-            Step::Exchange(question, answer) => {
-                self.act(world, question)?;
-                return self.act(world, answer);
-            }
-            Step::Times(count, steps) => {
-                return (0..*count).try_for_each(|_| steps.iter().try_for_each(|step| self.act(world, step)));
-            }
-            Step::Counted { port, counts } => {
-                return counts.iter().try_for_each(|(count, event)| {
-                    equal(event.name(), self.rig.counted(port, *event), *count)
-                });
-            }
-            Step::LastError { port, error } => {
+            ["port", port, "counted", counts @ ..] => return self.counted(port, counts),
+            ["port", port, "has", "last", "error", error @ ..] => {
                 let id = self.rig.gateway.settings(|settings| settings.find(port));
                 let id = id.ok_or("there is no such port")?;
                 let last = self.rig.gateway.ports()[id.index()].stats.last_error();
-                return equal("the last error", last.name(), error);
+                return equal("the last error", last.name(), &error.join(" "));
             }
-            Step::Crowd { count, port } => return self.crowd(world, *count, *port),
-            Step::Unit { unit, device, what } => return self.unit(device, *unit, what),
-            Step::Server { address, what: OfServer::Unreachable(unreachable) } => {
-                self.rig.network.set_unreachable(*address, *unreachable);
+            [count, "clients", "come", "and", "go", "on", port] => {
+                return self.crowd(world, number(count)?, number(port)?);
             }
-            Step::Server { address, what: OfServer::Listens } => return self.listen(world, *address),
-            Step::Name { name, address } => self.rig.network.set_name(name, Some(*address)),
-            Step::Made(count) => {
-                return equal("connections made", self.rig.network.counters().made, *count);
+            ["unit", unit, "on", device, what @ ..] => return self.unit(device, number(unit)?, what),
+            ["server", server, "is", "unreachable"] => network.set_unreachable(address(server)?, true),
+            ["server", server, "is", "reachable"] => network.set_unreachable(address(server)?, false),
+            ["server", server, "listens"] => return self.listen(world, address(server)?),
+            ["name", name, "is", ip] => network.set_name(name, Some(address(ip)?)),
+            ["network", "made", count, "connection" | "connections"] => {
+                return equal("connections made", network.counters().made, number(count)?);
             }
-            Step::SocketsUsed(count) => {
-                return equal("sockets used", self.rig.network.counters().sockets_most, *count);
+            ["network", "used", count, "sockets", "at", "most"] => {
+                return equal("sockets used", network.counters().sockets_most, number(count)?);
             }
-            Step::Wire { device, what } => return self.wire(world, device, what),
-            Step::Point { name, what } => return self.point(name, what),
-            Step::Mark { device, function, range } => return self.mark(device, *function, *range),
-            Step::Client { name, action } => return self.clients.act(world, self.rig, name, action),
+            ["wire", device, what @ ..] => return self.wire(world, device, what),
+            ["point", name, what @ ..] => return self.point(name, what),
+            ["mark", device, function, range] => return self.mark(device, number(function)?, range),
+            [client, action @ ..] => return self.clients.act(world, self.rig, client, action),
+            [] => return Err("an empty step".to_owned()),
+        }
+        Ok(())
+    }
+
+    fn counted(&self, port: &str, counts: &[&str]) -> Result<(), String> {
+        for count in listed(counts) {
+            let [count, name] = count[..] else {
+                return Err("a count and a counter's name are missing".to_owned());
+            };
+            let event = Event::ALL.into_iter().find(|known| known.name() == name);
+            let event = event.ok_or("no counter has this name")?;
+            equal(name, self.rig.counted(port, event), number(count)?)?;
         }
         Ok(())
     }
@@ -96,63 +121,79 @@ impl Stage<'_, '_, '_> {
         Ok(())
     }
 
-    fn unit(&self, bus: &str, unit: u8, what: &OfUnit) -> Result<(), String> {
+    fn unit(&self, bus: &str, unit: u8, what: &[&str]) -> Result<(), String> {
         let device = self.devices.get(&(bus.to_owned(), unit)).ok_or("there is no such device")?;
+        let pdus = |words| listed(words).iter().map(|pdu| bytes(pdu)).collect::<Result<Vec<_>, _>>();
         match what {
-            OfUnit::Faults(sentences) => device.set_faults(faults(u64::from(unit), sentences)?),
-            OfUnit::Saw(count) => return equal("requests seen", device.counters().all_requests(), *count),
-            OfUnit::WasAsked(requests) => {
+            [":", "well"] => device.set_faults(faults::<&str>(u64::from(unit), &[])?),
+            [":", "answers", pdu @ ..] => device.set_response(&bytes(pdu)?),
+            [":", "register", address, "=", value] => {
+                device.memory().holding[number::<usize>(address)?] = number(value)?;
+            }
+            [":", fault @ ..] => device.set_faults(faults(u64::from(unit), &[fault.join(" ")])?),
+            ["saw", count, "request" | "requests"] => {
+                return equal("requests seen", device.counters().all_requests(), number(count)?);
+            }
+            ["was", "asked", requests @ ..] => {
                 let asked = device.take_requests();
-                if asked != *requests {
+                if asked != if *requests == ["nothing"] { Vec::new() } else { pdus(requests)? } {
                     return Err(format!("it was asked {asked:02X?}"));
                 }
             }
-            OfUnit::Executed(count, last) => {
-                let writes = device.writes();
-                equal("writes executed", writes.len(), *count)?;
-                let pdus: Vec<_> = writes.into_iter().map(|write| write.pdu).collect();
-                if !pdus.ends_with(last) {
-                    return Err(format!("they are {pdus:02X?}"));
+            ["executed", count, "write" | "writes" | "write," | "writes,", last @ ..] => {
+                let writes: Vec<_> = device.writes().into_iter().map(|write| write.pdu).collect();
+                equal("writes executed", writes.len(), number(count)?)?;
+                match last {
+                    [] => {}
+                    ["the", "last", last @ ..] if writes.ends_with(&pdus(last)?) => {}
+                    _ => return Err(format!("they are {writes:02X?}")),
                 }
             }
-            OfUnit::Answers(pdu) => device.set_response(pdu),
-            OfUnit::Set(address, value) => device.memory().holding[usize::from(*address)] = *value,
-            OfUnit::HeardGaps(count) => {
-                return equal("gaps within frames", device.counters().gap_inside, *count);
+            ["heard", count, "gap" | "gaps"] => {
+                return equal("gaps within frames", device.counters().gap_inside, number(count)?);
             }
-            OfUnit::Holds(value, address) => {
-                return equal("the register", device.memory().holding[usize::from(*address)], *value);
+            ["holds", value, "at", address] => {
+                let is = device.memory().holding[number::<usize>(address)?];
+                return equal("the register", is, number(value)?);
             }
+            _ => return Err("a unit has a fault, saw requests, executed writes or holds values".to_owned()),
         }
         Ok(())
     }
 
-    fn wire(&self, world: &mut World<'_>, name: &str, what: &OfWire) -> Result<(), String> {
+    fn wire(&self, world: &mut World<'_>, name: &str, what: &[&str]) -> Result<(), String> {
         let end = self.rig.end(name);
         let stranger = || self.strangers.get(name).cloned().ok_or("nothing is connected to this wire");
         match what {
-            OfWire::Unplugged => end.unplug(),
-            OfWire::PluggedIn => end.replug(),
-            OfWire::Swapped(swapped) => end.set_swapped(*swapped),
-            OfWire::Noise(noise) => {
-                let sent = world.run_until(stranger()?.write_all(noise));
+            [":", "unplugged"] => end.unplug(),
+            [":", "plugged", "in"] => end.replug(),
+            [":", "swapped"] => end.set_swapped(true),
+            [":", "right"] => end.set_swapped(false),
+            [":", "noise", noise @ ..] => {
+                let sent = world.run_until(stranger()?.write_all(&bytes(noise)?));
                 sent.map_err(|error| error.to_string())?;
             }
-            OfWire::Babbles(time) => {
-                let until = Timer::after(*time);
+            [":", "babbles", "for", time] => {
+                let until = Timer::after(duration(time)?);
                 let babbling = babble(stranger()?, Random::new(1), 16, Duration::from_ticks(0));
                 world.spawn(select(babbling, until));
             }
-            OfWire::Collided(count) => {
-                return equal("collisions", self.rig.wire(name).collisions(), *count);
+            ["had", count, "collision" | "collisions"] => {
+                return equal("collisions", self.rig.wire(name).collisions(), number(count)?);
             }
-            OfWire::Carried(count) => {
+            ["carried", count, "frame" | "frames", "from", "the", "gateway"] => {
                 let frames = self.rig.wire(name).record_of(end).frames;
-                return equal("frames from the gateway", frames, *count);
+                return equal("frames from the gateway", frames, number(count)?);
             }
+            _ => return Err("nothing of the kind happens on a wire".to_owned()),
         }
         Ok(())
     }
+}
+
+fn address<T: FromStr>(word: &str) -> Result<T, String> {
+    word.parse()
+        .map_err(|_| format!("{word} is no address such as 10.0.1.1, with :502 where it is a server's"))
 }
 
 /// Whether `text` has all the phrases between dots, in their order; how much space there is does not matter.

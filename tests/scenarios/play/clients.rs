@@ -10,8 +10,7 @@ use mobgate_simulator::net::{ClientStream, Path};
 use mobgate_simulator::{Rig, World};
 
 use crate::file::{By, Client};
-use crate::step::{Action, Expected, Going, Times};
-use crate::words::duration;
+use crate::words::{bytes, duration, number, request};
 
 /// How long a step waits for what it expects, beyond the time that it names.
 const PATIENCE: Duration = Duration::from_secs(30);
@@ -24,10 +23,10 @@ pub(super) struct Clients<'s> {
 
 struct Connected {
     session: Session,
-    questions: BTreeMap<u16, CacheKey>,
+    questions: BTreeMap<u16, Question>,
 }
 
-struct CacheKey {
+struct Question {
     unit: u8,
     pdu: Vec<u8>,
     at: Instant,
@@ -44,41 +43,36 @@ impl<'s> Clients<'s> {
         world: &mut World<'_>,
         rig: &Rig<'_>,
         name: &str,
-        action: &Action,
+        action: &[&str],
     ) -> Result<(), String> {
         let setup = self.setups.get(name).ok_or_else(|| format!("nobody is called {name}"))?;
         match action {
-            Action::IsRefused => {
+            ["is", "refused"] => {
                 return match connect(world, rig, setup) {
                     Ok(_) => Err("it could connect".to_owned()),
                     Err(_) => Ok(()),
                 };
             }
-            Action::Goes(going) => {
-                let Some(client) = self.connected.remove(name) else {
-                    return Err("it is not connected".to_owned());
-                };
+            [going @ ("leaves" | "resets" | "vanishes")] => {
+                let client = self.connected.remove(name).ok_or("it is not connected")?;
                 client.check_nothing_came(name)?;
-                match going {
-                    Going::Leaves => drop(client),
-                    Going::Resets => client.stream()?.reset(),
-                    Going::Vanishes => client.stream()?.vanish(),
+                match *going {
+                    "leaves" => drop(client),
+                    "resets" => client.stream()?.reset(),
+                    _ => client.stream()?.vanish(),
                 }
                 return Ok(());
             }
             _ => {}
         }
-        if !self.connected.contains_key(name) || matches!(action, Action::Connects) {
+        if !self.connected.contains_key(name) || action == ["connects"] {
             let session = connect(world, rig, setup)?;
             let client = Connected { session, questions: BTreeMap::new() };
             if self.connected.insert(name.to_owned(), client).is_some() {
                 return Err("it is connected already".to_owned());
             }
         }
-        match self.connected.get_mut(name) {
-            Some(client) => client.act(world, action),
-            None => Err("it is not connected".to_owned()),
-        }
+        self.connected.get_mut(name).ok_or("it is not connected")?.act(world, action)
     }
 
     /// Every question has its response, and nobody got anything besides.
@@ -128,44 +122,51 @@ impl Connected {
         self.session.into_stream().ok_or_else(|| "a line has no connection".to_owned())
     }
 
-    fn act(&mut self, world: &mut World<'_>, action: &Action) -> Result<(), String> {
+    fn act(&mut self, world: &mut World<'_>, action: &[&str]) -> Result<(), String> {
         match action {
-            Action::Asks(unit, pdu) => {
-                let at = Instant::now();
-                let transaction = world.run_until(self.session.send(*unit, pdu));
-                let transaction = transaction.ok_or("its connection has ended")?;
-                self.questions.insert(transaction, CacheKey { unit: *unit, pdu: pdu.clone(), at });
+            ["connects"] => Ok(()),
+            ["asks", "unit", unit, ":", pdu @ ..] => {
+                let (unit, pdu, at) = (number(unit)?, request(pdu)?, Instant::now());
+                let transaction = world.run_until(self.session.send(unit, &pdu));
+                self.questions
+                    .insert(transaction.ok_or("its connection has ended")?, Question { unit, pdu, at });
                 Ok(())
             }
-            Action::Sends(bytes) => match world.run_until(self.session.send_bytes(bytes)) {
+            ["sends", sent @ ..] => match world.run_until(self.session.send_bytes(&bytes(sent)?)) {
                 true => Ok(()),
                 false => Err("its connection has ended".to_owned()),
             },
-            Action::Gets(expected, times) => self.gets(world, expected, times),
-            Action::GetsNothing(time) => {
-                world.run_for(*time);
+            ["gets", "nothing", "for", time] => {
+                world.run_for(duration(time)?);
                 self.questions.clear();
                 self.check_nothing_came("it")
             }
-            Action::IsClosed(times) => {
+            ["gets", answer @ ..] => {
+                let (expected, times) = Times::taken_off(answer)?;
+                self.gets(world, expected, &times)
+            }
+            ["is", "closed", times @ ..] => {
+                let ([], times) = Times::taken_off(times)? else {
+                    return Err("after `is closed` comes at most a time".to_owned());
+                };
                 let asked = Instant::now();
-                match self.next(world, times)? {
+                match self.next(world, &times)? {
                     Arrival { at, reply: None } => times.check(at.saturating_duration_since(asked)),
                     Arrival { reply: Some(reply), .. } => Err(format!("it got {}", told(&reply))),
                 }
             }
-            Action::Connects | Action::IsRefused | Action::Goes(_) => Ok(()),
+            _ => Err("this is no sentence about a client".to_owned()),
         }
     }
 
-    fn gets(&mut self, world: &mut World<'_>, expected: &Expected, times: &Times) -> Result<(), String> {
+    fn gets(&mut self, world: &mut World<'_>, expected: &[&str], times: &Times) -> Result<(), String> {
         let arrival = self.next(world, times)?;
         let Some(reply) = arrival.reply else { return Err("the connection was closed".to_owned()) };
         let Some(question) = self.questions.remove(&reply.transaction) else {
             return Err(format!("it got {}, and has not asked", told(&reply)));
         };
         let is_damaged = reply.pdu.is_empty();
-        if is_damaged != matches!(expected, Expected::Damaged) {
+        if is_damaged != (expected == ["a", "damaged", "frame"]) {
             return Err(format!("it got {}", told(&reply)));
         }
         if !is_damaged && (reply.protocol, reply.unit) != (0, question.unit) {
@@ -176,13 +177,12 @@ impl Connected {
             answer.unwrap_or_else(|code| vec![question.pdu[0] | 0x80, code])
         };
         let should = match expected {
-            Expected::Pdu(pdu) => pdu.clone(),
-            Expected::Damaged => Vec::new(),
-            Expected::Any => reply.pdu.clone(),
-            Expected::Exception(code) => vec![question.pdu[0] | 0x80, *code],
-            Expected::OfUnit(unit) => of_unit(*unit),
-            Expected::Own => of_unit(question.unit),
-            Expected::Fresh => {
+            ["a", "damaged", "frame"] | ["an", "answer"] => reply.pdu.clone(),
+            ["exception", code] => [vec![question.pdu[0] | 0x80], bytes(&[code])?].concat(),
+            // What a device with that id that nobody has written to answers.
+            ["the", "answer", "of", "unit", unit] => of_unit(number(unit)?),
+            ["its", "own", "answer"] => of_unit(question.unit),
+            ["fresh", "values"] => {
                 let fresh = Fresh::from_response(&reply.pdu).ok_or_else(|| told(&reply))?;
                 let read = Instant::from_micros(u64::from(fresh.at_us));
                 if !(question.at..=arrival.at).contains(&read) {
@@ -190,6 +190,7 @@ impl Connected {
                 }
                 reply.pdu.clone()
             }
+            pdu => bytes(pdu)?,
         };
         if reply.pdu != should {
             return Err(format!("it got {}, not {should:02X?}", told(&reply)));
@@ -212,7 +213,28 @@ impl Connected {
     }
 }
 
+/// Bounds of a time since the question.
+#[derive(Default)]
+struct Times {
+    after: Option<Duration>,
+    within: Option<Duration>,
+}
+
 impl Times {
+    /// Takes `after T` and `within T` off the end.
+    fn taken_off<'w, 's>(mut words: &'w [&'s str]) -> Result<(&'w [&'s str], Self), String> {
+        let mut times = Self::default();
+        loop {
+            let (rest, bound, time) = match words {
+                [rest @ .., "within", time] => (rest, &mut times.within, time),
+                [rest @ .., "after", time] => (rest, &mut times.after, time),
+                _ => return Ok((words, times)),
+            };
+            *bound = Some(duration(time)?);
+            words = rest;
+        }
+    }
+
     fn check(&self, took: Duration) -> Result<(), String> {
         let early = self.after.is_some_and(|after| took < after);
         let late = self.within.is_some_and(|within| took > within);

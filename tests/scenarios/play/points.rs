@@ -6,12 +6,11 @@ use mobgate::settings::PointSettings;
 
 use super::Stage;
 use super::acts::equal;
-use crate::step::OfPoint;
 use crate::words::number;
 
 impl Stage<'_, '_, '_> {
     /// Acts on the point called `name`.
-    pub(super) fn point(&self, name: &str, what: &OfPoint) -> Result<(), String> {
+    pub(super) fn point(&self, name: &str, what: &[&str]) -> Result<(), String> {
         let place = self.scanner()?;
         let (id, point) = self
             .rig
@@ -23,32 +22,38 @@ impl Stage<'_, '_, '_> {
             .ok_or("there is no such point")?;
         let now = Instant::now();
         let done = match what {
-            OfPoint::Is(status) => {
+            ["is", status @ ..] => {
                 let is = place.with(|scanner| scanner.status(id, now));
-                return equal("the status", is.to_string(), status.clone());
+                return equal("the status", is.to_string(), status.join(" "));
             }
-            OfPoint::Holds(values) => {
+            ["holds", values @ ..] => {
                 let is = place.with(|scanner| shown(&point, scanner.input(id)));
-                return equal("the values", is, values.clone());
+                return equal("the values", is, values.join(" "));
             }
-            OfPoint::IsRead => place.change(|scanner| scanner.read(id, now)),
-            OfPoint::IsWritten(None) => place.change(|scanner| scanner.write(id)),
-            OfPoint::IsWritten(Some(values)) => {
+            [":", "read"] => place.change(|scanner| scanner.read(id, now)),
+            [":", "write"] => place.change(|scanner| scanner.write(id)),
+            [":", "write", values @ ..] => {
                 let cells = cells(&point, values)?;
                 place.change(|scanner| scanner.put(id, 0, point.count * point.value.registers(), &cells, now))
             }
-            OfPoint::Begin => place.change(|scanner| scanner.begin(id, now)),
-            OfPoint::Finish => place.change(|scanner| scanner.finish(id)),
+            [":", "begin"] => place.change(|scanner| scanner.begin(id, now)),
+            [":", "finish"] => place.change(|scanner| scanner.finish(id)),
+            _ => {
+                return Err(
+                    "a point is something, holds values, or is read, written, begun or finished".into()
+                );
+            }
         };
         done.map_err(|refused| refused.to_string())
     }
 
-    pub(super) fn mark(&self, device: &str, function: u8, range: (u16, u16)) -> Result<(), String> {
+    pub(super) fn mark(&self, device: &str, function: u8, range: &str) -> Result<(), String> {
         let id = self.rig.gateway.settings(|settings| settings.find_device(device));
         let id = DeviceId(id.ok_or("there is no such device")?);
-        let mark = self
-            .scanner()?
-            .change(|scanner| scanner.mark_range(id, function, range.0, range.1, Instant::now()));
+        let (first, last) = range.split_once('-').unwrap_or((range, range));
+        let (first, last) = (number(first)?, number(last)?);
+        let mark =
+            self.scanner()?.change(|scanner| scanner.mark_range(id, function, first, last, Instant::now()));
         mark.map(|_| ()).map_err(|refused| refused.to_string())
     }
 
@@ -68,8 +73,7 @@ fn shown(point: &PointSettings, cells: &[u8]) -> String {
     (0..usize::from(point.count)).map(value).collect::<Vec<_>>().join(" ")
 }
 
-fn cells(point: &PointSettings, values: &str) -> Result<Vec<u8>, String> {
-    let values: Vec<&str> = values.split_whitespace().collect();
+fn cells(point: &PointSettings, values: &[&str]) -> Result<Vec<u8>, String> {
     if point.value == ValueType::Bit {
         let mut cells = vec![0; values.len().div_ceil(8)];
         for (nth, value) in values.iter().enumerate() {

@@ -158,7 +158,7 @@ fn run_under(tool: &[String], device: Device, count: usize) -> usize {
 fn start_under(tool: &[String], gateway: &Command, folder: tempfile::TempDir, port: u16) -> Program {
     let mut command = Command::new(&tool[0]);
     command.args(&tool[1..]).arg(mobgate().get_program()).args(gateway.get_args());
-    command.stdin(Stdio::null()).stdout(Stdio::null());
+    command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped());
     Program::try_start(&mut command, folder, port)
         .unwrap_or_else(|why| panic!("{} is needed (apt-get install valgrind strace): {why}", tool[0]))
 }

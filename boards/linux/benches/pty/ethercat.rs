@@ -15,7 +15,7 @@ use std::time::Duration;
 use mobgate_simulator::own_network::{again, is_inside, prepare, start_master};
 
 use crate::Effort;
-use crate::common::{Program, free_port, mobgate};
+use crate::common::Program;
 use crate::figure::{Target, figure};
 use crate::statistics::percentile;
 use tap::{Passages, Tap};
@@ -46,12 +46,8 @@ pub(crate) fn figures(effort: Effort) {
 
 /// What passed the program's interface while pysoem exchanged process data with it for so long.
 fn passages(length: Duration) -> Passages {
-    let (folder, port) = (tempfile::tempdir().unwrap(), free_port());
-    let file = folder.path().join("mobgate.conf");
-    fs::write(&file, SETTINGS.replace("{port}", &port.to_string())).unwrap();
-    let mut command = mobgate();
-    command.arg("--demo").arg("--config").arg(file).args(["--socket", "off"]);
-    let program = Program::start(&mut command, folder, port);
+    let options = ["--demo", "--config", "{folder}/mobgate.conf", "--socket", "off"];
+    let program = Program::with(SETTINGS, &options);
     program.logs("EtherCAT controller present");
     let over = Arc::new(AtomicBool::new(false));
     let seen = over.clone();

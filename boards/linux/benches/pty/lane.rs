@@ -1,5 +1,6 @@
 //! Lanes that run side by side: each has its own device and its own way to it, and the same load comes to all in turn.
 
+use std::process::Stdio;
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::{Duration, Instant};
 
@@ -133,7 +134,7 @@ fn start(contestant: Contestant, behind: Behind<'_>) -> Result<Program, String> 
     let folder = tempfile::tempdir().map_err(|error| error.to_string())?;
     let port = free_port();
     let mut command = contestant.command(behind, folder.path(), port)?;
-    Program::try_start(&mut command, folder, port)
+    Program::try_start(command.stderr(Stdio::piped()), folder, port)
 }
 
 /// The lanes of all contestants that take part; `open` opens one. Who is there but fails is printed with the reason.

@@ -76,51 +76,52 @@ pub(crate) struct Program {
 }
 
 impl Program {
-    /// Starts with `settings` in a file; `{port}` in them becomes a free TCP port. Ready when that port is open.
+    /// Starts with `settings` in its file, and without a console.
     pub(crate) fn configured(settings: &str) -> Self {
-        let folder = tempfile::tempdir().unwrap();
-        let port = free_port();
-        fs::write(folder.path().join("mobgate.conf"), settings.replace("{port}", &port.to_string())).unwrap();
-        let mut command = mobgate();
-        command.arg("--config").arg(folder.path().join("mobgate.conf")).args(["--socket", "off"]);
-        Self::start(&mut command, folder, port)
+        Self::with(settings, &["--config", "{folder}/mobgate.conf", "--socket", "off"])
     }
 
-    /// Starts the demo on a free port of the loopback address.
+    /// Starts the demo on the loopback address, without a console.
     pub(crate) fn demo() -> Self {
-        let port = free_port();
-        let mut command = mobgate();
-        command.args(["--listen", &format!("127.0.0.1:{port}"), "--socket", "off"]);
-        Self::start(&mut command, tempfile::tempdir().unwrap(), port)
+        Self::with("", &["--listen", "127.0.0.1:{port}", "--socket", "off"])
+    }
+
+    /// The same with a console at its socket.
+    pub(crate) fn demo_with_console() -> Self {
+        Self::with("", &["--listen", "127.0.0.1:{port}", "--socket", "{folder}/console"])
+    }
+
+    /// Starts with `settings` in its file, and `options`. In both `{folder}` becomes that of the file, and `{port}` a free TCP port.
+    /// Ready when that is open.
+    pub(crate) fn with(settings: &str, options: &[&str]) -> Self {
+        Self::by(&mut mobgate(), settings, options)
+    }
+
+    /// The same by a command that takes the program's options at its end.
+    pub(crate) fn by(command: &mut Command, settings: &str, options: &[&str]) -> Self {
+        let (folder, port) = (tempfile::tempdir().unwrap(), free_port());
+        let (path, number) = (folder.path().to_str().unwrap(), port.to_string());
+        let filled = |text: &str| text.replace("{folder}", path).replace("{port}", &number);
+        fs::write(folder.path().join("mobgate.conf"), filled(settings)).unwrap();
+        command.args(options.iter().map(|option| filled(option)));
+        Self::start(command, folder, port)
     }
 
     /// Starts `command`, which listens on `port`.
     pub(crate) fn start(command: &mut Command, folder: tempfile::TempDir, port: u16) -> Self {
-        Self::start_on(command, Stdio::piped(), folder, port)
+        Self::try_start(command.stdout(Stdio::piped()).stderr(Stdio::piped()), folder, port).unwrap()
     }
 
-    /// Starts `command` with `stdout`; what goes to a pipe is gathered with the log.
-    pub(crate) fn start_on(
-        command: &mut Command,
-        stdout: Stdio,
-        folder: tempfile::TempDir,
-        port: u16,
-    ) -> Self {
-        Self::try_start(command.stdout(stdout), folder, port).unwrap()
-    }
-
-    /// Starts `command`, which listens on `port`, or says why that failed.
+    /// Starts `command` in `folder`, which listens on `port`, or says why that failed. What goes to pipes is the log.
     pub(crate) fn try_start(
         command: &mut Command,
         folder: tempfile::TempDir,
         port: u16,
     ) -> Result<Self, String> {
-        let mut child = command.stderr(Stdio::piped()).spawn().map_err(|error| error.to_string())?;
+        let mut child = command.current_dir(folder.path()).spawn().map_err(|error| error.to_string())?;
         let log = Arc::<Mutex<String>>::default();
-        gather(child.stderr.take().unwrap(), &log);
-        if let Some(stdout) = child.stdout.take() {
-            gather(stdout, &log);
-        }
+        child.stderr.take().into_iter().for_each(|stderr| gather(stderr, &log));
+        child.stdout.take().into_iter().for_each(|stdout| gather(stdout, &log));
         let mut program = Self { child, log, folder, port };
         let start = Instant::now();
         wait_for("the TCP server", || {
@@ -134,12 +135,17 @@ impl Program {
     }
 
     pub(crate) fn config(&self) -> PathBuf {
-        self.folder.path().join("mobgate.conf")
+        self.file("mobgate.conf")
+    }
+
+    /// A file in its folder.
+    pub(crate) fn file(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
     }
 
     /// Where the console's socket is, if the program was told to have it in its folder.
     pub(crate) fn socket(&self) -> PathBuf {
-        self.folder.path().join("console")
+        self.file("console")
     }
 
     /// A session of plain lines at the socket.
@@ -215,12 +221,7 @@ fn gather(from: impl Read + Send + 'static, into: &Arc<Mutex<String>>) {
 
 /// The program with `settings`, as [`Program::configured`], and a console at its socket.
 pub(crate) fn with_console(settings: &str) -> Program {
-    let (folder, port) = (tempfile::tempdir().unwrap(), free_port());
-    let file = folder.path().join("mobgate.conf");
-    fs::write(&file, settings.replace("{port}", &port.to_string())).unwrap();
-    let mut command = mobgate();
-    command.arg("--config").arg(file).arg("--socket").arg(folder.path().join("console"));
-    Program::start(&mut command, folder, port)
+    Program::with(settings, &["--config", "{folder}/mobgate.conf", "--socket", "{folder}/console"])
 }
 
 /// Sends `pdu` to `unit` by Modbus TCP and gives the response's PDU.

@@ -18,7 +18,7 @@ use ethercrab::error::Error;
 use ethercrab::subdevice_group::{Op, PreOp, SubDeviceGroup};
 use ethercrab::{MainDevice, PduLoop};
 
-use super::{Counted, Paced, SharedEcho, direct, image, line_of, line_of_kind, sequence, spawn};
+use super::{Counted, Echo, Paced, SharedEcho, direct, image, line_of, line_of_kind, sequence, spawn};
 use crate::Lan9252;
 use crate::cable::{Cable, SharedSegment};
 use crate::lan9252::{Timing, Traffic};
@@ -250,6 +250,33 @@ pub struct Exchanged {
     pub wrong: u64,
 }
 
+impl Exchanged {
+    /// Exchanges the images from 2 on in so many cycles, with a `pace` behind each.
+    async fn of<const BYTES: usize>(
+        dispatcher: &Dispatcher<'_>,
+        group: &Group<Op, BYTES>,
+        cycles: u64,
+        working_counter: u16,
+        mut pace: impl FnMut() -> Timer,
+    ) -> Result<Self, Error> {
+        let (mut exchanged, mut last) = (Self::default(), 0);
+        for number in 2..cycles + 2 {
+            let (inputs, counter) = dispatcher.exchange(group, number).await?;
+            exchanged.short += u64::from(counter != working_counter);
+            exchanged.wrong += u64::from(inputs.is_none_or(|inputs| inputs < last));
+            last = inputs.unwrap_or(last);
+            pace().await;
+        }
+        Ok(exchanged)
+    }
+
+    fn add_seen_by(&mut self, echo: &Echo, cycles: u64) {
+        // The first image is repeated until Op is reached, and is taken once from SafeOp.
+        self.lost = echo.lost + cycles + 1 - echo.last.unwrap_or(0);
+        self.wrong += echo.torn;
+    }
+}
+
 /// Exchanges images with `device` over SPI at `spi_hz`, with a cycle of `percent` of the shortest that it reports.
 ///
 /// # Errors
@@ -281,23 +308,18 @@ pub fn exchange_at_pace(
         let group = dispatcher.to_pre_op().await?;
         let group = dispatcher.to_op(group, 1).await?;
         Timer::after(CYCLE).await;
-        let (mut exchanged, mut last, mut next) = (Exchanged::default(), 0, Instant::now());
-        for number in 2..cycles + 2 {
-            let (inputs, counter) = dispatcher.exchange(&group, number).await?;
-            exchanged.short += u64::from(counter != 3);
-            exchanged.wrong += u64::from(inputs.is_none_or(|inputs| inputs < last));
-            last = inputs.unwrap_or(last);
+        let mut next = Instant::now();
+        let pace = || {
             next += cycle;
-            Timer::at(next).await;
-        }
+            Timer::at(next)
+        };
+        let exchanged = Exchanged::of(&dispatcher, &group, cycles, 3, pace).await;
         Timer::after(CYCLE).await;
-        Ok::<_, Error>(exchanged)
+        exchanged
     })?;
     ended.signal(());
     let missed = world.run_until(missed);
-    let echo = echo.0.borrow();
-    exchanged.lost = echo.lost + cycles + 1 - echo.last.unwrap_or(0);
-    exchanged.wrong += echo.torn;
+    exchanged.add_seen_by(&echo.0.borrow(), cycles);
     Ok(AtPace { cost, promised_ns, exchanged, missed })
 }
 
@@ -331,20 +353,9 @@ pub fn exchange_images_on<const OUTPUTS: usize, const INPUTS: usize>(
         let group = dispatcher.to_pre_op_with::<GROUP_BYTES>().await?;
         let group = dispatcher.to_op(group, 1).await?;
         let expected = working_counter(device);
-        let (mut exchanged, mut last) = (Exchanged::default(), 0);
-        for number in 2..cycles + 2 {
-            let (inputs, counter) = dispatcher.exchange(&group, number).await?;
-            exchanged.short += u64::from(counter != expected);
-            exchanged.wrong += u64::from(inputs.is_none_or(|inputs| inputs < last));
-            last = inputs.unwrap_or(last);
-            Timer::after(CYCLE).await;
-        }
-        Ok::<_, Error>(exchanged)
+        Exchanged::of(&dispatcher, &group, cycles, expected, || Timer::after(CYCLE)).await
     })?;
-    let echo = echo.0.borrow();
-    // The first image is repeated until Op is reached, and is taken once from SafeOp.
-    exchanged.lost = echo.lost + cycles + 1 - echo.last.unwrap_or(0);
-    exchanged.wrong += echo.torn;
+    exchanged.add_seen_by(&echo.0.borrow(), cycles);
     Ok(exchanged)
 }
 

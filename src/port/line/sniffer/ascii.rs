@@ -10,12 +10,6 @@ pub struct AsciiSniffer {
     delimiter: u8,
 }
 
-impl Default for AsciiSniffer {
-    fn default() -> Self {
-        Self::new()
-    }
-}
-
 impl AsciiSniffer {
     /// Frames end with a line feed.
     pub const fn new() -> Self {

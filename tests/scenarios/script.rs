@@ -1,0 +1,45 @@
+//! Steps as sentences in the order of time, each of which does or expects one thing.
+
+use crate::words::duration;
+
+/// The sentences of `steps`, each with its line. Answers to questions that are asked side by side come behind all of them.
+pub(crate) fn sentences(steps: &str) -> Vec<(&str, String)> {
+    let (mut sentences, mut answers) = (Vec::new(), Vec::new());
+    for line in steps.lines().map(str::trim).filter(|line| !line.is_empty() && !line.starts_with('#')) {
+        let sentence = match beside(line) {
+            Some((pause, sentence)) => {
+                sentences.extend(pause.map(|pause| (line, format!("wait {pause}"))));
+                sentence
+            }
+            None => {
+                sentences.append(&mut answers);
+                line
+            }
+        };
+        match exchange(sentence) {
+            Some((question, answer)) => {
+                sentences.push((line, question.to_owned()));
+                answers.push((line, answer));
+            }
+            None => sentences.push((line, sentence.to_owned())),
+        }
+    }
+    sentences.append(&mut answers);
+    sentences
+}
+
+/// What happens before the answers to the lines above: `and ...`, `5ms later ...`.
+fn beside(line: &str) -> Option<(Option<&str>, &str)> {
+    let (time, rest) = line.split_once(' ')?;
+    match rest.strip_prefix("later ") {
+        Some(rest) if duration(time).is_ok() => Some((Some(time), rest)),
+        _ => (time == "and").then_some((None, rest)),
+    }
+}
+
+/// `scada asks ... -> ...` as a question and what its client gets.
+pub(crate) fn exchange(sentence: &str) -> Option<(&str, String)> {
+    let (question, answer) = sentence.split_once(" -> ")?;
+    let (client, _) = question.split_once(' ')?;
+    (!question.contains(" times: ")).then(|| (question, format!("{client} gets {answer}")))
+}

@@ -159,6 +159,16 @@ pub(crate) fn run(board: &str, subcommand: &str, arguments: &[String]) -> Outcom
     }
 }
 
+/// Builds both images of a board: first the one without EtherCAT, which is kept beside the other.
+pub(crate) fn build_both(board: &str) -> Outcome {
+    run(board, "build", &["--no-default-features".into()])?;
+    let image = image(board)?;
+    let mut kept = image.clone().into_os_string();
+    kept.push("-without-ethercat");
+    std::fs::copy(&image, &kept).map_err(|error| fault(&image, &error))?;
+    run(board, "build", &[])
+}
+
 /// Whether a board's package has a boot loader beside the program.
 fn has_boot_loader(board: &str) -> bool {
     board.starts_with("nucleo_") || RP2040.contains(&board)

@@ -58,7 +58,6 @@ const NEEDS: [Need; 31] = [
     by_apt(Group::Peers, "mbpoll", &["mbpoll"]),
     by_apt(Group::Package, "mbpoll", &["mbpoll"]),
     by_apt(Group::Peers, "socat", &["socat"]),
-    by_apt(Group::Peers, "sb", &["lrzsz"]),
     by_apt(Group::Peers, "tshark", &["tshark"]),
     by_apt(Group::Peers, "ip", &["iproute2"]),
     // soemx is built from source, with libpcap.
@@ -104,6 +103,7 @@ const NEEDS: [Need; 31] = [
     by_apt(Group::Stm32, "cmake", &["cmake"]),
     by_apt(Group::Stm32, "cc", &["gcc", "libc6-dev", "make"]),
     Need { group: Group::Stm32, name: "libclang", by: By::Apt(&["libclang-dev"]), found: |_| has_libclang() },
+    by_apt(Group::Stm32, "sb", &["lrzsz"]),
     by_apt(Group::Rp2040, "npm", &["npm"]),
     by_apt(Group::Rp2040, "python3", &["python3"]),
     by_apt(Group::Rp2040, "ip", &["iproute2"]),

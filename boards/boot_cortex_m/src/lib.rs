@@ -51,8 +51,8 @@ pub fn run<F: NorFlash, const PAGE: usize, const STATE_PAGE: usize>(
 
 /// Starts the image there.
 fn start(table: u32) -> ! {
-    // SAFETY: the partition begins with an image's vector table: its stack pointer and its reset vector. No interrupt is enabled.
-    // Where there is no image, the fault starts the chip anew.
+    // SAFETY: the partition begins with an image's vector table: its stack pointer and its reset vector. Where there is no image, the
+    // fault starts the chip anew. The image must find no interrupt enabled, and nothing else runs here that uses the registers.
     unsafe {
         (*NVIC::PTR).icer.iter().for_each(|enabled| enabled.write(u32::MAX));
         (*SCB::PTR).vtor.write(table);

@@ -13,6 +13,9 @@ use mobgate_flash::{FlashStore, SharedStore};
 use crate::gateway::{LIVENESS, Task, gateway};
 use crate::system::Board;
 use crate::trial::Firmware;
+// Without EtherCAT nothing waits.
+#[cfg(feature = "ethercat")]
+use crate::waiting::Shown;
 use crate::{start, trial};
 
 /// Where a person types.
@@ -55,7 +58,11 @@ async fn serve(
     let board: &Board = board;
     let trial = pin!(trial::run(board, firmware, &flash));
     let sessions = pin!(async {
-        let mut update = SharedUpdate::new(firmware);
+        let update = SharedUpdate::new(firmware);
+        // Without EtherCAT a restart follows at once.
+        #[cfg(feature = "ethercat")]
+        let update = Shown::new(update, board);
+        let mut update = update;
         loop {
             terminal.opened().await;
             // `exit` starts a new session, and so does a terminal that was unplugged.
@@ -68,7 +75,7 @@ async fn serve(
     #[cfg(feature = "ethercat")]
     let sessions = async {
         let mut kept = SharedStore::new(&flash);
-        let mut taken = SharedUpdate::new(firmware);
+        let mut taken = Shown::new(SharedUpdate::new(firmware), board);
         let keep = pin!(gateway().keep_settings(&mut kept));
         let take = pin!(gateway().take_firmware(&crate::states::FIRMWARE, &mut taken, board));
         embassy_futures::join::join3(keep, take, sessions).await;

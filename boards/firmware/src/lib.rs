@@ -4,7 +4,7 @@
 //! * [`network`]: the stack on the board's Ethernet and its sockets.
 //! * [`console`]: the console over any terminal; [`start`]: the settings at start-up, and the factory reset.
 //! * [`system`]: the console's interface to the board; [`watchdog`]: whether it may be fed, shown by the [`lights`]; [`trial`]: whether new
-//!   firmware stays.
+//!   firmware stays; `waiting`: what the next restart starts.
 #![no_std]
 
 pub mod console;
@@ -19,4 +19,7 @@ pub mod start;
 pub mod states;
 pub mod system;
 pub mod trial;
+// As above: without EtherCAT nothing waits.
+#[cfg(feature = "ethercat")]
+mod waiting;
 pub mod watchdog;

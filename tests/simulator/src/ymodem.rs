@@ -7,10 +7,35 @@ use crate::random::Random;
 
 const SOH: u8 = 0x01;
 const STX: u8 = 0x02;
-const EOT: u8 = 0x04;
-const ACK: u8 = 0x06;
-const NAK: u8 = 0x15;
-const CAN: u8 = 0x18;
+/// The end of the file.
+pub const EOT: u8 = 0x04;
+/// The receiver has taken a block.
+pub const ACK: u8 = 0x06;
+/// It wants the block again.
+pub const NAK: u8 = 0x15;
+/// It wants no more.
+pub const CAN: u8 = 0x18;
+/// It asks for a block with a CRC.
+pub const ASK: u8 = b'C';
+/// What fills up the last block.
+const PADDING: u8 = 0x1a;
+
+/// Block `number`: 1024 bytes, or 128 where `data` fits into them, with what surrounds them.
+pub fn block(number: u8, data: &[u8]) -> Vec<u8> {
+    let (first, length) = if data.len() > 128 { (STX, 1024) } else { (SOH, 128) };
+    let mut padded = data.to_vec();
+    padded.resize(length, PADDING);
+    let crc = crc16(&padded).to_be_bytes();
+    [&[first, number, !number][..], &padded, &crc].concat()
+}
+
+/// The data of block 0 before a file, with its length if that is told, and its time and mode behind it, as `sb` has them.
+pub fn header(length: Option<usize>) -> Vec<u8> {
+    let length = length.map(|length| format!("{length} 14716024117 100644")).unwrap_or_default();
+    let mut header = format!("firmware.mgu\0{length}").into_bytes();
+    header.resize(128, 0);
+    header
+}
 
 /// How long it waits for an answer.
 const PATIENCE: Duration = Duration::from_secs(10);
@@ -73,13 +98,8 @@ impl<IO: Read + Write> Sender<IO> {
 
     /// Sends `file` in blocks of 1024 bytes, or of 128, with its length in block 0 or without.
     pub async fn send(&mut self, file: &[u8], long: bool, with_length: bool) -> Result<(), NotSent> {
-        let mut header = b"firmware.mgu\0".to_vec();
-        if with_length {
-            header.extend(format!("{} 14716024117 100644", file.len()).bytes());
-        }
-        header.resize(128, 0);
         self.asked().await?;
-        self.block(0, &header).await?;
+        self.block(0, &header(with_length.then_some(file.len()))).await?;
         self.asked().await?;
         let mut number = 0u8;
         for data in file.chunks(if long { 1024 } else { 128 }) {
@@ -97,9 +117,7 @@ impl<IO: Read + Write> Sender<IO> {
     pub async fn send_half(&mut self, file: &[u8]) {
         let length = file.len();
         self.asked().await.expect("it asks");
-        let mut header = format!("firmware.mgu\0{length}").into_bytes();
-        header.resize(128, 0);
-        self.block(0, &header).await.expect("it takes the header");
+        self.block(0, &header(Some(length))).await.expect("it takes the header");
         self.asked().await.expect("it asks");
         for (number, data) in (1..).zip(file[..length / 2].chunks(1024)) {
             self.block(number, data).await.expect("it takes a block");
@@ -109,7 +127,7 @@ impl<IO: Read + Write> Sender<IO> {
     async fn asked(&mut self) -> Result<(), NotSent> {
         loop {
             match with_timeout(PATIENCE, self.byte()).await {
-                Ok(Some(b'C')) => return Ok(()),
+                Ok(Some(ASK)) => return Ok(()),
                 Ok(Some(CAN)) => return Err(NotSent::Cancelled),
                 Ok(Some(_)) => {}
                 _ => return Err(NotSent::Silent),
@@ -118,11 +136,7 @@ impl<IO: Read + Write> Sender<IO> {
     }
 
     async fn block(&mut self, number: u8, data: &[u8]) -> Result<(), NotSent> {
-        let (first, length) = if data.len() > 128 { (STX, 1024) } else { (SOH, 128) };
-        let mut padded = data.to_vec();
-        padded.resize(length, 0x1a);
-        let crc = crc16(&padded).to_be_bytes();
-        self.acknowledged(&[&[first, number, !number][..], &padded, &crc].concat()).await
+        self.acknowledged(&block(number, data)).await
     }
 
     /// Sends `bytes` until they are acknowledged.
@@ -135,7 +149,7 @@ impl<IO: Read + Write> Sender<IO> {
                     Ok(Some(ACK)) => return Ok(()),
                     Ok(Some(CAN)) => return Err(NotSent::Cancelled),
                     // A receiver that has not seen block 0 goes on asking.
-                    Ok(Some(NAK | b'C')) | Err(_) => break,
+                    Ok(Some(NAK | ASK)) | Err(_) => break,
                     Ok(Some(_)) => {}
                     Ok(None) => return Err(NotSent::Silent),
                 }

@@ -1,5 +1,7 @@
 //! The program's accesses to peripherals: each goes to the model of its address. What no model knows, and what cannot work, stops the run.
 
+use std::ops::Range;
+
 use crate::bus::{Bus, SPI_BASE};
 use crate::chip::{self, Device, Family, UARTS};
 use crate::flash::Access;
@@ -144,6 +146,14 @@ impl Bus {
             self.touch_flash(None);
         } else if self.set_register(address, bytes, value as u32).is_none() {
             self.complain("writes", address, "a register without a model");
+        }
+        let (active, length) = self.board.active;
+        let is_code = |changed: &Range<u32>| (active..active + length).contains(&changed.start);
+        if self.flash.cells.changed.as_ref().is_some_and(is_code) {
+            self.core.caches.change_instructions();
+        }
+        if let Some(rule) = self.core.caches.broken_rule.take() {
+            self.complaint.get_or_insert_with(|| rule.to_owned());
         }
         // What follows from it follows before the next instructions.
         self.deadline = self.now;

@@ -1,16 +1,16 @@
 //! Registers that keep what is written to them. Some of their bits follow others, as "ready" follows "on".
 
-use std::collections::BTreeMap;
-
 /// One register of a table: its offset, its value after a reset, and the bits that a program can change.
 pub(crate) type Row = (u32, u32, u32);
+
+const WORD_BYTES: u32 = 4;
 
 /// All bits can be changed.
 pub(crate) const ALL: u32 = u32::MAX;
 
-/// A peripheral's plain registers, by their offsets.
+/// A peripheral's plain registers, by the words of their offsets: most of them are looked at after each access to any peripheral.
 #[derive(Clone, Default)]
-pub(crate) struct Bank(BTreeMap<u32, Register>);
+pub(crate) struct Bank(Vec<Option<Register>>);
 
 #[derive(Clone, Copy)]
 struct Register {
@@ -20,29 +20,39 @@ struct Register {
 
 impl Bank {
     pub(crate) fn new(rows: &[Row]) -> Self {
-        Self(rows.iter().map(|&(offset, value, writable)| (offset, Register { value, writable })).collect())
+        let end = rows.iter().map(|&(offset, ..)| place(offset) + 1).max().unwrap_or(0);
+        let mut registers = vec![None; end];
+        for &(offset, value, writable) in rows {
+            registers[place(offset)] = Some(Register { value, writable });
+        }
+        Self(registers)
+    }
+
+    fn register(&mut self, offset: u32) -> Option<&mut Register> {
+        self.0.get_mut(place(offset)).filter(|_| offset.is_multiple_of(WORD_BYTES))?.as_mut()
     }
 
     /// The register at `offset`, if the table has it.
     pub(crate) fn read(&self, offset: u32) -> Option<u32> {
-        self.0.get(&offset).map(|register| register.value)
+        let register = self.0.get(place(offset)).filter(|_| offset.is_multiple_of(WORD_BYTES))?;
+        register.map(|register| register.value)
     }
 
     /// Writes those bits that a program can change.
     pub(crate) fn write(&mut self, offset: u32, value: u32) -> Option<()> {
-        let register = self.0.get_mut(&offset)?;
+        let register = self.register(offset)?;
         register.value = register.value & !register.writable | value & register.writable;
         Some(())
     }
 
     /// The register at `offset`, which is in the table.
     pub(crate) fn get(&self, offset: u32) -> u32 {
-        self.0[&offset].value
+        self.0[place(offset)].map_or(0, |register| register.value)
     }
 
     /// Sets the register at `offset` as the hardware does.
     pub(crate) fn set(&mut self, offset: u32, value: u32) {
-        if let Some(register) = self.0.get_mut(&offset) {
+        if let Some(register) = self.register(offset) {
             register.value = value;
         }
     }
@@ -55,6 +65,10 @@ impl Bank {
             self.set(offset, value & !(1 << follower) | bit << follower);
         }
     }
+}
+
+fn place(offset: u32) -> usize {
+    (offset / WORD_BYTES) as usize
 }
 
 /// Bits `low..low + count` of `value`.

@@ -1,8 +1,10 @@
 //! What the processor is connected to: the peripherals' models by their addresses, their interrupts, DMA, and the one clock.
 
+use std::cell::Cell;
 use std::collections::{BTreeMap, VecDeque};
 
 use crate::bank::{ALL, Bank};
+use crate::caches::Caches;
 use crate::cells::Cells;
 use crate::chip::{self, Board, Family, UARTS};
 use crate::core::Core;
@@ -30,6 +32,35 @@ const DMA_STORES: Time = 100 * NANOSECOND;
 pub(crate) trait Memory {
     fn load(&self, address: u32, bytes: &mut [u8]);
     fn store(&mut self, address: u32, bytes: &[u8]);
+}
+
+/// Memory with a look at what the data cache may hold of it.
+struct Watched<'m, M> {
+    memory: &'m mut M,
+    caches: Caches,
+    /// An address that DMA has accessed there.
+    held: Cell<Option<u32>>,
+}
+
+impl<M> Watched<'_, M> {
+    fn look(&self, address: u32, length: usize) {
+        let ends = [address, (address + length as u32).saturating_sub(1)];
+        if let Some(held) = ends.into_iter().find(|&address| self.caches.holds(address)) {
+            self.held.set(Some(held));
+        }
+    }
+}
+
+impl<M: Memory> Memory for Watched<'_, M> {
+    fn load(&self, address: u32, bytes: &mut [u8]) {
+        self.look(address, bytes.len());
+        self.memory.load(address, bytes);
+    }
+
+    fn store(&mut self, address: u32, bytes: &[u8]) {
+        self.look(address, bytes.len());
+        self.memory.store(address, bytes);
+    }
 }
 
 /// All peripherals.
@@ -162,6 +193,17 @@ impl Bus {
 
     /// Does what is due, and what follows from it: transfers by DMA, interrupts.
     pub(crate) fn advance(&mut self, memory: &mut impl Memory) {
+        if !self.core.caches.data {
+            return self.advance_with(memory);
+        }
+        let mut memory = Watched { memory, caches: self.core.caches.clone(), held: Cell::new(None) };
+        self.advance_with(&mut memory);
+        if let Some(address) = memory.held.get() {
+            self.complain("lets DMA access", address, "which the data cache may hold");
+        }
+    }
+
+    fn advance_with(&mut self, memory: &mut impl Memory) {
         let now = self.now;
         self.timer.advance(now);
         self.flash.advance(now);

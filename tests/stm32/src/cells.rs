@@ -10,6 +10,8 @@ pub(crate) struct Cells {
     bytes: Vec<u8>,
     /// Words with error correction that were half written, by their addresses.
     torn: BTreeSet<u32>,
+    /// The F7's option nDBANK: one bank, as it is delivered.
+    pub(crate) is_one_bank: bool,
     /// Programmings and erasures since the beginning.
     pub(crate) operations: usize,
     /// The operation in the middle of which the power is cut.
@@ -28,6 +30,7 @@ impl Cells {
         Self {
             bytes: vec![0xff; FLASH_BYTES as usize],
             torn: BTreeSet::new(),
+            is_one_bank: true,
             operations: 0,
             cut_at: None,
             is_cut: false,

@@ -18,6 +18,8 @@ pub struct Board {
     pub name: &'static str,
     /// Its chip's family.
     pub family: Family,
+    /// The image is the one that has EtherCAT and data points.
+    pub has_ethercat: bool,
     /// First address and length of each memory that the program has.
     pub(crate) memories: &'static [(u32, u32)],
     /// First address and length of the program's part of the flash. Up to its end instructions are executed; what follows is a device.
@@ -42,6 +44,7 @@ pub(crate) const FLASH_BYTES: u32 = 0x20_0000;
 pub const NUCLEO_F429ZI: Board = Board {
     name: "nucleo_f429zi",
     family: Family::F4,
+    has_ethercat: true,
     memories: &[(0x1000_0000, 0x1_0000), (0x2000_0000, 0x3_0000)],
     active: (0x0802_0000, 0x8_0000),
     update: 0x0812_0000,
@@ -55,6 +58,7 @@ pub const NUCLEO_F429ZI: Board = Board {
 pub const NUCLEO_F767ZI: Board = Board {
     name: "nucleo_f767zi",
     family: Family::F7,
+    has_ethercat: true,
     memories: &[(0x2000_0000, 0x8_0000)],
     active: (0x0804_0000, 0x8_0000),
     update: 0x080c_0000,
@@ -68,6 +72,7 @@ pub const NUCLEO_F767ZI: Board = Board {
 pub const NUCLEO_H743ZI: Board = Board {
     name: "nucleo_h743zi",
     family: Family::H7,
+    has_ethercat: true,
     memories: &[(0x2400_0000, 0x8_0000)],
     active: (0x0802_0000, 0x8_0000),
     update: 0x0810_0000,
@@ -78,6 +83,12 @@ pub const NUCLEO_H743ZI: Board = Board {
 };
 
 impl Board {
+    /// The same board with the smaller image.
+    #[must_use]
+    pub const fn without_ethercat(self) -> Self {
+        Self { has_ethercat: false, ..self }
+    }
+
     /// Length of that part of the flash from which instructions are executed.
     pub(crate) fn code_bytes(&self) -> u32 {
         self.active.0 + self.active.1 - FLASH

@@ -3,9 +3,13 @@
 use std::time::Duration;
 
 use embassy_time::Duration as WorldDuration;
+use ethercat_esc::cable::SharedSegment;
 use ethercat_esc::lan9252::{Pins, Timing};
 use ethercat_esc::main_device::Refusal;
-use ethercat_esc::{Chip, Lan9252, MainDevice, SharedChip, World};
+use ethercat_esc::master::main_device;
+use ethercat_esc::sub_device::{Dispatcher, at_cable, cable, line_of};
+use ethercat_esc::world::Task;
+use ethercat_esc::{Lan9252, MainDevice, World};
 use ethercat_subdevice::al_state::AlState;
 use ethercat_subdevice::device::Device;
 use ethercat_subdevice::sync_manager::Channel;
@@ -40,21 +44,21 @@ impl Target for Pins {
     }
 }
 
-/// The controller, and the MainDevice.
+/// The controller, and the MainDevices.
 pub struct Controller {
     world: World<'static>,
     lan9252: Lan9252,
-    chip: SharedChip,
+    line: SharedSegment,
 }
 
 impl Controller {
     /// Connects one to a board that was not started yet.
     pub fn connect(machine: &Machine) -> Self {
         let world = World::new(1);
-        let chip = Chip::of(gateway());
-        let lan9252 = Lan9252::new(chip.clone(), Timing::USUAL);
+        let line = line_of(gateway());
+        let lan9252 = Lan9252::new(line.borrow().chip(0), Timing::USUAL);
         machine.bus.borrow_mut().target = Some(Box::new(lan9252.pins()));
-        Self { world, lan9252, chip }
+        Self { world, lan9252, line }
     }
 
     /// Lets board and MainDevice run for so long.
@@ -77,17 +81,40 @@ impl Controller {
         machine: &mut Machine,
         what: impl AsyncFnOnce(&mut MainDevice<'static>) -> Result<T, Refusal> + 'static,
     ) -> Result<T, Stop> {
-        let mut main_device = MainDevice::new(self.chip.clone(), gateway());
+        let mut main_device = MainDevice::new(self.line.borrow().chip(0), gateway());
         let task = self.world.spawn(async move { what(&mut main_device).await });
+        let outcome = self.wait(machine, task, |_| ())?;
+        outcome.map_err(|refusal| Stop::Fault(format!("the MainDevice was refused: {refusal:?}")))
+    }
+
+    /// Lets the board run until a MainDevice has done its task. `meanwhile` is called at each step.
+    fn wait<T>(
+        &mut self,
+        machine: &mut Machine,
+        task: Task<T>,
+        mut meanwhile: impl FnMut(&mut Machine),
+    ) -> Result<T, Stop> {
         let end = machine.now() + PATIENCE;
         while !task.is_finished() {
             if machine.now() >= end {
                 return Err(Stop::Fault(format!("the MainDevice waits; the program is {}", machine.place())));
             }
             self.step(machine)?;
+            meanwhile(machine);
         }
-        let outcome = self.world.run_until(task);
-        outcome.map_err(|refusal| Stop::Fault(format!("the MainDevice was refused: {refusal:?}")))
+        Ok(self.world.run_until(task))
+    }
+
+    /// Lets ethercrab, a MainDevice by others, do what `script` says while the board runs, and `meanwhile` is called again and again.
+    pub fn with_ethercrab<T: 'static>(
+        &mut self,
+        machine: &mut Machine,
+        script: impl AsyncFnOnce(Dispatcher<'_>) -> T + 'static,
+        meanwhile: impl FnMut(&mut Machine),
+    ) -> Result<T, Stop> {
+        let line = cable(self.line.clone());
+        let task = self.world.spawn(at_cable(line, |pdu_loop| main_device(pdu_loop, 0), script));
+        self.wait(machine, task, meanwhile)
     }
 
     /// Brings the board to Op.
@@ -101,7 +128,7 @@ impl Controller {
         self.carry_out(machine, async move |main_device| main_device.exchange(&outputs).await)
     }
 
-    /// Writes a file into the board by FoE in Boot, and takes it to Init. What the board refused it with, if it did.
+    /// Brings the board to Boot, and writes a file into it by FoE. What the board refused it with, if it did.
     pub fn write_file(
         &mut self,
         machine: &mut Machine,
@@ -110,6 +137,13 @@ impl Controller {
     ) -> Result<Option<FileRefusal>, Stop> {
         self.carry_out(machine, async move |main_device| {
             Writer::new(main_device, gateway()).update(name, &file).await
+        })
+    }
+
+    /// Takes the board out of Boot, to Init.
+    pub fn leave_boot(&mut self, machine: &mut Machine) -> Result<(), Stop> {
+        self.carry_out(machine, async |main_device| {
+            Writer::new(main_device, gateway()).reach(AlState::Init).await
         })
     }
 

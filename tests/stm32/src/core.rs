@@ -1,6 +1,7 @@
-//! The processor's own peripherals: NVIC, SCB, DWT (ARMv7-M architecture, B3). Unicorn has none of them.
+//! The processor's own peripherals: NVIC, SCB, DWT, MPU (ARMv7-M architecture, B3). Unicorn has none of them.
 
 use crate::bank::{ALL, Bank};
+use crate::caches::Caches;
 use crate::time::{SECOND, Time};
 
 /// Interrupts that a chip may have.
@@ -17,10 +18,13 @@ const CCR: u32 = 0xed14;
 const CFSR: u32 = 0xed28;
 const BFAR: u32 = 0xed38;
 const CYCCNT: u32 = 0x1004;
+/// Empties the instruction cache.
+const ICIALLU: u32 = 0xef50;
 
 /// The core's registers and the state of its interrupts.
 pub(crate) struct Core {
     registers: Bank,
+    pub(crate) caches: Caches,
     enabled: [bool; INTERRUPTS],
     pending: [bool; INTERRUPTS],
     priority: [u8; INTERRUPTS],
@@ -49,14 +53,13 @@ impl Core {
             (0xed34, 0, ALL),
             (BFAR, 0, ALL),
         ];
-        // SCR, CCR, priorities of system handlers, SHCSR; CPACR, DEMCR; maintenance of the caches.
-        rows.extend(
-            [0xed10, CCR, 0xed18, 0xed1c, 0xed20, 0xed24, 0xed88, 0xedfc, 0xef50].map(|at| (at, 0, ALL)),
-        );
+        // SCR, CCR, priorities of system handlers, SHCSR; CPACR, DEMCR.
+        rows.extend([0xed10, CCR, 0xed18, 0xed1c, 0xed20, 0xed24, 0xed88, 0xedfc].map(|at| (at, 0, ALL)));
         // FPCCR, FPCAR, FPDSCR.
         rows.extend([0xef34, 0xef38, 0xef3c].map(|at| (at, 0, ALL)));
         Self {
             registers: Bank::new(&rows),
+            caches: Caches::default(),
             enabled: [false; INTERRUPTS],
             pending: [false; INTERRUPTS],
             priority: [0; INTERRUPTS],
@@ -84,6 +87,7 @@ impl Core {
             ICSR => self.active.last().map_or(0, |&number| number as u32) | u32::from(self.is_waiting) << 22,
             AIRCR => 0xfa05_0000,
             CYCCNT => (u128::from(now) * u128::from(core_hz) / u128::from(SECOND)) as u32,
+            0xed90..0xedbc => self.caches.read_mpu(offset)?,
             // CPUID.
             0xed00 => 0x411f_c271,
             _ => self.registers.read(offset)?,
@@ -109,6 +113,12 @@ impl Core {
             }
             AIRCR => self.reset_requested |= value & 4 != 0,
             CYCCNT | ICSR => {}
+            ICIALLU => self.caches.empty(),
+            0xed90..0xedbc => self.caches.write_mpu(offset, value)?,
+            CCR => {
+                self.caches.control(value);
+                self.registers.set(CCR, value);
+            }
             // Flags are cleared by ones.
             CFSR | 0xed2c => self.registers.set(offset, self.registers.get(offset) & !value),
             _ => {

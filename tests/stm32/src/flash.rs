@@ -62,13 +62,13 @@ impl Flash {
             }
             rows
         } else {
-            // nDBANK of the F7: one bank, as delivered.
+            let one_bank = if cells.is_one_bank { 1 << 29 } else { 0 };
             vec![
                 (0, 0, ALL),
                 (8, 0, 0),
                 (0xc, 0, 0),
                 (0x10, 1 << 31, ALL),
-                (0x14, 0x2fff_aaed, ALL),
+                (0x14, 0x0fff_aaed | one_bank, ALL),
                 (0x18, 0, ALL),
             ]
         };
@@ -120,6 +120,12 @@ impl Flash {
 
     fn flag(&mut self, nth: usize, flags: u32) {
         self.registers.set(self.status(nth), self.registers.get(self.status(nth)) | flags);
+    }
+
+    /// Whether the F4's caches at the flash are on: of instructions, with the prefetch, and of data.
+    pub(crate) fn caches(&self) -> (bool, bool) {
+        let control = self.registers.get(0);
+        (bits(control, 8, 2) == 3, bits(control, 10, 1) != 0)
     }
 
     /// Whether a controller is busy.

@@ -36,16 +36,14 @@ impl<'m, 'd> Writer<'m, 'd> {
         Self { main_device, device, counter: 0 }
     }
 
-    /// Brings the SubDevice from Init to Boot, writes `file`, and takes it to Init again.
+    /// Brings the SubDevice to Boot, by Init, and writes `file`.
     pub(crate) async fn update(&mut self, name: &str, file: &[u8]) -> Result<Option<FileRefusal>, Refusal> {
         self.reach(AlState::Init).await?;
         for channel in [Channel::MailboxOut, Channel::MailboxIn] {
             self.main_device.write(channel.registers(), &sync_manager(self.device, channel)).await?;
         }
         self.reach(AlState::Boot).await?;
-        let refused = self.write(name, file).await?;
-        self.reach(AlState::Init).await?;
-        Ok(refused)
+        self.write(name, file).await
     }
 
     async fn write(&mut self, name: &str, file: &[u8]) -> Result<Option<FileRefusal>, Refusal> {
@@ -88,7 +86,7 @@ impl<'m, 'd> Writer<'m, 'd> {
         Ok((answer[6], number, answer[HEADERS_BYTES..end].to_vec()))
     }
 
-    async fn reach(&mut self, state: AlState) -> Result<(), Refusal> {
+    pub(crate) async fn reach(&mut self, state: AlState) -> Result<(), Refusal> {
         self.main_device.write(AL_CONTROL, &[state as u8, 0]).await?;
         loop {
             let status = self.main_device.read(AL_STATUS, 6).await?;

@@ -5,6 +5,20 @@ use std::path::{Path, PathBuf};
 use object::read::elf::{ElfFile32, ProgramHeader};
 use object::{Endianness, Object, ObjectSymbol, SymbolKind, elf};
 
+use crate::chip::Board;
+
+/// A file that was built for a board, by what follows the board's name in its name.
+fn built(board: &Board, behind: &str) -> PathBuf {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let name = format!("mobgate-{}{behind}", board.name.replace('_', "-"));
+    root.join("target/thumb/thumbv7em-none-eabihf/release").join(name)
+}
+
+/// The update file of a board's image.
+pub fn update_file(board: Board) -> PathBuf {
+    built(&board, ".mgu")
+}
+
 /// What a tool would write into the flash, and where functions are.
 pub struct Image {
     /// Addresses and bytes.
@@ -42,16 +56,14 @@ impl Image {
         Ok(Self { segments, functions, stack })
     }
 
-    /// Reads the image of a board and its boot loader, as `cargo xtask board NAME build` leaves them.
-    pub fn of_board(board: &str) -> Result<Self, String> {
-        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
-        let folder: PathBuf = root.join("target/thumb/thumbv7em-none-eabihf/release");
-        let name = format!("mobgate-{}", board.replace('_', "-"));
-        let read = |name: &str| {
-            Self::read(&folder.join(name))
-                .map_err(|error| format!("{error}\nbuild it first: cargo xtask board {board} build"))
+    /// Reads the image of a board and its boot loader, as `cargo xtask test stm32` leaves them.
+    pub fn of_board(board: &Board) -> Result<Self, String> {
+        let read = |behind: &str| {
+            Self::read(&built(board, behind))
+                .map_err(|error| format!("{error}\nbuild it first: cargo xtask test stm32"))
         };
-        let (mut program, boot) = (read(&name)?, read(&format!("{name}-boot"))?);
+        let program = if board.has_ethercat { "" } else { "-without-ethercat" };
+        let (mut program, boot) = (read(program)?, read("-boot")?);
         program.segments.extend(boot.segments);
         program.functions.extend(boot.functions);
         program.functions.sort();

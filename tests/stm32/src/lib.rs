@@ -17,17 +17,18 @@
 //! * A terminal, and stations on the RS-485 lines: [`Machine::type_line`], [`Machine::send`], [`Machine::sent`]. [`Character`]s are
 //!   heard bit by bit, at the receiver's speed and parity.
 //! * A [`Network`] with Modbus TCP clients.
-//! * A [`Controller`] for EtherCAT, with a MainDevice.
+//! * A [`Controller`] for EtherCAT, with a MainDevice, or with ethercrab.
 //! * Power, a PHY, a cable and a program that fail: [`Machine::cut_power_at`] and its neighbours.
 //!
 //! # What differs from the chips
 //!
-//! Each instruction takes one cycle. There are no caches, wait states and bus contention; a register has its effect at once. A bus fault
+//! Each instruction takes one cycle. There are no wait states and no bus contention, and nothing is cached (`caches` notices where that would do harm); a register has its effect at once. A bus fault
 //! is taken at the end of the block of instructions. Registers of the floating-point unit do not lie on the stack in an exception.
 
 mod access;
 mod bank;
 mod bus;
+mod caches;
 mod cells;
 mod character;
 mod chip;
@@ -60,8 +61,9 @@ mod work;
 pub use character::{CONSOLE, Character, Format, Parity, RTU};
 pub use chip::{Board, Family, NUCLEO_F429ZI, NUCLEO_F767ZI, NUCLEO_H743ZI};
 pub use controller::Controller;
+pub use ethercat_esc::sub_device::Dispatcher;
 pub use foe::FileRefusal;
-pub use image::Image;
+pub use image::{Image, update_file};
 pub use lines::{Sent, Uart, ends_with_prompt};
 pub use machine::{Machine, Stop};
 pub use network::{Client, Network};

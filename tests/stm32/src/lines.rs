@@ -48,13 +48,22 @@ pub fn ends_with_prompt(shown: &str) -> bool {
 impl Machine {
     /// Another station sends these bytes without gaps, from now on or behind what it sends already.
     pub fn send(&mut self, uart: Uart, bytes: &[u8], format: Format) {
+        self.send_through(uart, bytes, format, false);
+    }
+
+    /// The same with noise in each character, of which the board's receiver can make out all bits.
+    pub fn send_noisy(&mut self, uart: Uart, bytes: &[u8], format: Format) {
+        self.send_through(uart, bytes, format, true);
+    }
+
+    fn send_through(&mut self, uart: Uart, bytes: &[u8], format: Format, is_noisy: bool) {
         let mut bus = self.bus.borrow_mut();
         let now = bus.now;
         let uart = &mut bus.uarts[uart as usize];
         let mut end = uart.arrives_until().map_or(now, |end| end.max(now));
         for &data in bytes {
             end += format.time(format.bits());
-            uart.arrive(end, Character { format, data });
+            uart.arrive(end, Character { format, data }, is_noisy);
         }
     }
 
@@ -120,6 +129,11 @@ impl Machine {
         let shown = self.wait_for_prompt(Duration::from_secs(10))?;
         let echo = format!("{line}\r\n");
         Ok(shown.split_once(&echo).map_or(shown.clone(), |(_, behind)| behind.to_owned()))
+    }
+
+    /// Whether the receiver of a UART has noticed noise, since the board last cleared that.
+    pub fn has_noise(&self, uart: Uart) -> bool {
+        self.bus.borrow().uarts[uart as usize].has_noise()
     }
 
     /// Speed and format that the board has set.

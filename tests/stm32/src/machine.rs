@@ -59,7 +59,7 @@ impl Machine {
     }
 
     fn with_phy(board: Board, is_there: bool) -> Result<Self, String> {
-        let image = Image::of_board(board.name)?;
+        let image = Image::of_board(&board)?;
         let mut cells = Cells::new();
         image.segments.iter().for_each(|(address, bytes)| cells.put(*address, bytes));
         let bus = Rc::new(RefCell::new(Bus::new(board, Phy::new(is_there), cells)));

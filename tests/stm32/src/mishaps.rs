@@ -1,5 +1,6 @@
 //! What goes wrong with a board: power, clocks, a PHY that hangs, a program that was misled.
 
+use crate::chip::Family;
 use crate::machine::Machine;
 
 impl Machine {
@@ -53,6 +54,20 @@ impl Machine {
     /// Makes the chip one of this revision, as DBGMCU tells it; for a board that was not started yet.
     pub fn set_revision(&mut self, revision: u16) {
         self.bus.borrow_mut().revision = revision;
+    }
+
+    /// Makes an F7's flash two banks (nDBANK = 0); for a board that was not started yet.
+    pub fn split_flash(&mut self) {
+        self.bus.borrow_mut().flash.cells.is_one_bank = false;
+        self.power_cycle();
+        self.resets.clear();
+    }
+
+    /// Whether the caches of instructions and of data are on: the Cortex-M7's; or those at the F4's flash, with its prefetch.
+    pub fn caches(&self) -> (bool, bool) {
+        let bus = self.bus.borrow();
+        let caches = &bus.core.caches;
+        if bus.board.family == Family::F4 { bus.flash.caches() } else { (caches.instructions, caches.data) }
     }
 
     /// Whether the H7 reads its AXI SRAM for one master at a time (READ_ISS_OVERRIDE).

@@ -12,6 +12,8 @@ use crate::time::{NANOSECOND, Time};
 // Flags, which both generations have at the same places.
 const PE: u32 = 1;
 const FE: u32 = 1 << 1;
+/// NF, or NE.
+const NF: u32 = 1 << 2;
 const ORE: u32 = 1 << 3;
 const IDLE: u32 = 1 << 4;
 const RXNE: u32 = 1 << 5;
@@ -73,8 +75,8 @@ pub(crate) struct Usart {
     idle_at: Option<Time>,
     /// When DMA takes the character in the data register.
     taken_at: Option<Time>,
-    /// What other stations send: when each character ends.
-    incoming: VecDeque<(Time, Character)>,
+    /// What other stations send: when each character ends, and whether one of the three samples of a bit is wrong.
+    incoming: VecDeque<(Time, Character, bool)>,
     pub(crate) sent: Vec<Sent>,
     /// When the USART itself switched the transceiver's driver.
     pub(crate) driver: Vec<(Time, bool)>,
@@ -161,7 +163,7 @@ impl Usart {
         }
         self.flags &= !RXNE;
         if self.layout.clear.is_none() {
-            self.flags &= !(std::mem::take(&mut self.seen) & (PE | FE | ORE | IDLE));
+            self.flags &= !(std::mem::take(&mut self.seen) & (PE | FE | NF | ORE | IDLE));
         }
         Some(self.received)
     }
@@ -180,7 +182,7 @@ impl Usart {
                 self.flags &= value | !(RXNE | TC);
             }
         } else if Some(offset) == self.layout.clear {
-            self.flags &= !(value & (PE | FE | 4 | ORE | IDLE | TC));
+            self.flags &= !(value & (PE | FE | NF | ORE | IDLE | TC));
         } else if self.layout.clear.is_some() && offset == 0x18 {
             // RQR: requests; the receiver's data is dropped.
             self.flags &= if value & 8 != 0 { !RXNE } else { ALL };
@@ -218,19 +220,19 @@ impl Usart {
         self.flags |= TXE;
     }
 
-    /// Another station sends `character`, which ends at `end`.
-    pub(crate) fn arrive(&mut self, end: Time, character: Character) {
-        self.incoming.push_back((end, character));
+    /// Another station sends `character`, which ends at `end`, with noise or without.
+    pub(crate) fn arrive(&mut self, end: Time, character: Character, is_noisy: bool) {
+        self.incoming.push_back((end, character, is_noisy));
     }
 
     /// When the last character that was given to [`Self::arrive`] ends.
     pub(crate) fn arrives_until(&self) -> Option<Time> {
-        self.incoming.back().map(|&(end, _)| end)
+        self.incoming.back().map(|&(end, ..)| end)
     }
 
     pub(crate) fn next_event(&self) -> Option<Time> {
         let shifted = self.shifting.as_ref().map(|sent| sent.end);
-        let arrived = self.incoming.front().map(|&(end, _)| end);
+        let arrived = self.incoming.front().map(|&(end, ..)| end);
         [shifted, arrived, self.driver_off_at, self.idle_at, self.taken_at].into_iter().flatten().min()
     }
 
@@ -253,16 +255,16 @@ impl Usart {
         }
         if let Some(at) = self.idle_at.take_if(|at| *at <= now) {
             // No start bit within a character's time.
-            let begins = self.incoming.front().map(|(end, character)| end - character.time());
+            let begins = self.incoming.front().map(|(end, character, _)| end - character.time());
             self.flags |= if begins.is_none_or(|begin| begin >= at) { IDLE } else { 0 };
         }
         self.taken_at.take_if(|at| *at <= now);
-        while let Some((end, character)) = self.incoming.pop_front_if(|&mut (end, _)| end <= now) {
-            self.hear(end, character);
+        while let Some((end, character, is_noisy)) = self.incoming.pop_front_if(|&mut (end, ..)| end <= now) {
+            self.hear(end, character, is_noisy);
         }
     }
 
-    fn hear(&mut self, end: Time, character: Character) {
+    fn hear(&mut self, end: Time, character: Character, is_noisy: bool) {
         let control = self.control(1);
         if !self.is_on() || control & 4 == 0 {
             return;
@@ -273,6 +275,8 @@ impl Usart {
         self.idle_at = Some(end + format.time(format.bits()));
         let detects_overruns = self.layout.clear.is_none() || self.control(3) >> 12 & 1 == 0;
         self.flags |= if heard.parity_error { PE } else { 0 } | if heard.framing_error { FE } else { 0 };
+        // The two other samples make the bit what it is. ONEBIT: there is but one.
+        self.flags |= if is_noisy && self.control(3) >> 11 & 1 == 0 { NF } else { 0 };
         if self.flags & RXNE != 0 && detects_overruns {
             self.flags |= ORE;
         } else {
@@ -302,8 +306,13 @@ impl Usart {
             | if control >> 6 & 1 != 0 { TC } else { 0 }
             | if control >> 5 & 1 != 0 { RXNE | ORE } else { 0 }
             | if control >> 4 & 1 != 0 { IDLE } else { 0 }
-            | if error { FE | ORE } else { 0 };
+            | if error { FE | NF | ORE } else { 0 };
         self.flags & enabled != 0
+    }
+
+    /// NF.
+    pub(crate) fn has_noise(&self) -> bool {
+        self.flags & NF != 0
     }
 
     /// What the pins were used for since this was last asked.

@@ -10,4 +10,4 @@ pub mod wall_clock;
 pub mod world;
 
 pub use random::Random;
-pub use world::World;
+pub use world::{Task, World};

@@ -1,10 +1,12 @@
 //! What older revisions of the chips need, and that a run is the same each time.
 
-use mobgate_stm32_emulator::{Board, Machine, NUCLEO_F429ZI, NUCLEO_H743ZI};
+use std::time::Duration;
+
+use mobgate_stm32_emulator::{Board, CONSOLE, Machine, NUCLEO_F429ZI, NUCLEO_F767ZI, NUCLEO_H743ZI, Uart};
 
 use crate::{on_each_board, set_up, started, wait_for_prompt};
 
-on_each_board!(a_run_is_the_same_each_time);
+on_each_board!(a_run_is_the_same_each_time, instructions_are_cached_and_data_are_not);
 
 fn a_run_is_the_same_each_time(board: Board) {
     let run = || {
@@ -13,6 +15,11 @@ fn a_run_is_the_same_each_time(board: Board) {
         (machine.now(), machine.instructions(), shown)
     };
     assert_eq!(run(), run());
+}
+
+/// So DMA and the program see the same everywhere, without maintenance.
+fn instructions_are_cached_and_data_are_not(board: Board) {
+    assert_eq!(started(board).caches(), (true, false));
 }
 
 /// Revision Y.
@@ -27,6 +34,20 @@ fn an_h743_of_revision_y_reads_its_memory_for_one_master_at_a_time() {
     wait_for_prompt(&mut machine);
     assert!(machine.reads_for_one_master());
     assert!(!started(NUCLEO_H743ZI).reads_for_one_master());
+}
+
+#[test]
+fn an_f767_whose_flash_is_two_banks_says_what_to_do() {
+    let mut machine = Machine::new(NUCLEO_F767ZI).unwrap();
+    machine.split_flash();
+    // Longer than the watchdog waits.
+    let said = machine.receive(Uart::Console, usize::MAX, Duration::from_secs(12)).unwrap();
+    let format = said[0].character.format;
+    assert!(format.baud.abs_diff(CONSOLE.baud) < CONSOLE.baud / 50 && format.parity == CONSOLE.parity);
+    let said: String = said.iter().map(|sent| char::from(sent.character.data)).collect();
+    let line = "mobgate needs this chip's flash in one bank: STM32_Programmer_CLI -c port=SWD -ob nDBANK=1, then flash it anew\r\n";
+    assert!(said.matches(line).count() > 3, "{said:?}");
+    assert_eq!(machine.resets, []);
 }
 
 #[test]

@@ -106,7 +106,7 @@ fn transaction(
     machine.instructions() - before
 }
 
-fn as_many_clients_as_the_board_has_are_served_at_a_time(board: Board) {
+pub(crate) fn as_many_clients_as_the_board_has_are_served_at_a_time(board: Board) {
     let clients = if board.family == Family::F4 { 8 } else { 16 };
     let mut machine = routing(board);
     let mut network = Network::new(STATION);

@@ -2,16 +2,19 @@
 
 use std::time::Duration;
 
-use mobgate_stm32_emulator::{Board, Controller, Family, Machine};
+use embassy_time::Timer;
+use mobgate_stm32_emulator::{Board, Controller, Dispatcher, Family, Machine};
 
 use crate::clients::respond;
+use crate::drive::Drive;
 use crate::figure::{Target, figure};
 use crate::firmware::START_MAX;
 use crate::update_file::{hanging, signed};
-use crate::{on_each_board, set_up, wait_for_prompt};
+use crate::{on_each_board, set_up, wait_for_prompt, ymodem};
 
 on_each_board!(
     a_main_device_brings_the_board_to_op_and_sees_a_device,
+    ethercrab_brings_the_board_to_op_and_values_pass_both_ways,
     new_firmware_comes_by_foe_in_boot,
     a_controller_that_was_reset_comes_to_op_again,
     a_cycle_takes_the_processor_no_longer_than_is_promised,
@@ -72,6 +75,49 @@ fn a_main_device_brings_the_board_to_op_and_sees_a_device(board: Board) {
     assert_eq!(controller.violations(), [""; 0]);
 }
 
+fn ethercrab_brings_the_board_to_op_and_values_pass_both_ways(board: Board) {
+    const NAME: &[u8; 34] = b"mobgate EtherCAT to Modbus gateway";
+    /// Values that go to the drive and come back.
+    const VALUES: [u16; 5] = [1, 0x1234, 0x8000, 0xffff, 7];
+    /// An output is written and read back long before.
+    const CYCLES_MAX: usize = 1_000;
+    let (mut machine, mut controller) = with_controller(board);
+    let (mut drive, is) = Drive::new();
+    let script = async move |main_device: Dispatcher<'_>| {
+        let group = main_device.to_pre_op().await.unwrap();
+        let gateway = group.subdevice(main_device.master, 0).unwrap();
+        assert_eq!(gateway.sdo_read::<[u8; 34]>(0x1008, 0).await.unwrap(), *NAME);
+        assert_eq!(gateway.sdo_read::<u32>(0x1018, 1).await.unwrap(), gateway.identity().vendor_id);
+        gateway.sdo_write(0x2000, 1, 1_u16).await.unwrap();
+        // Unit; count and first of coils, discrete inputs, input and holding registers.
+        for (value, sub) in
+            [Drive::UNIT.into(), 0, 0, 0, 0, 1, Drive::INVERSE, 1, Drive::VALUE].iter().zip(1..)
+        {
+            gateway.sdo_write::<u16>(0x2001, sub, *value).await.unwrap();
+        }
+        gateway.sdo_write(0x2001, 10, 20_u32).await.unwrap();
+        gateway.sdo_write(0x2005, 1, 1_u16).await.unwrap();
+        assert_eq!(gateway.sdo_read::<u16>(0x2005, 2).await.unwrap(), 1, "it is in use");
+        let group = main_device.to_op(group, 0).await.unwrap();
+        for value in VALUES {
+            let gateway = group.subdevice(main_device.master, 0).unwrap();
+            gateway.outputs_raw_mut()[..2].copy_from_slice(&value.to_be_bytes());
+            let expected = [(!value).to_be_bytes(), value.to_be_bytes()].concat();
+            let mut cycles = 0;
+            while gateway.inputs_raw()[..4] != expected {
+                assert_eq!(group.tx_rx(main_device.master).await.unwrap().working_counter, 3);
+                cycles += 1;
+                assert!(cycles < CYCLES_MAX, "{value:#x} does not come back");
+                Timer::after_millis(1).await;
+            }
+            assert_eq!(is.get(), value);
+        }
+    };
+    controller.with_ethercrab(&mut machine, script, |machine| drive.step(machine)).unwrap();
+    shows_op(&mut machine);
+    assert_eq!(controller.violations(), [""; 0]);
+}
+
 fn a_controller_that_was_reset_comes_to_op_again(board: Board) {
     let (mut machine, mut controller) = with_controller(board);
     controller.bring_to_op(&mut machine).unwrap();
@@ -117,19 +163,31 @@ fn a_cycle_takes_the_processor_no_longer_than_is_promised(board: Board) {
 fn new_firmware_comes_by_foe_in_boot(board: Board) {
     let (mut machine, mut controller) = with_controller(board);
     let program = machine.program();
-    let mut write = |machine: &mut Machine, minor, patch| {
-        let file = signed(&hanging(&program, minor, patch));
+    let file = |minor, patch| signed(&hanging(&program, minor, patch));
+    let write = |controller: &mut Controller, machine: &mut Machine, file| {
         controller.write_file(machine, "firmware.mgu", file).unwrap()
     };
-    let refused = write(&mut machine, 0, 9);
+    let refused = write(&mut controller, &mut machine, file(0, 9));
     assert_eq!(refused, Some((0x8002, "the image is older than what runs".to_owned())));
-    assert_eq!(write(&mut machine, 1, 1), None);
+    assert_eq!(write(&mut controller, &mut machine, file(1, 1)), None);
+    let shows = |machine: &mut Machine, text: &str| {
+        let update = machine.type_line("show update").unwrap();
+        assert!(update.contains(text), "{update}");
+    };
+    shows(&mut machine, "0.1.0: confirmed, 0.1.1 starts with the next restart");
+    // What begins at the console overwrites it: nothing else starts when Boot is left.
+    let refused = ymodem::send(&mut machine, "update", b"no image", |_| ());
+    assert!(refused.contains("error: this is no image of mobgate"), "{refused}");
+    shows(&mut machine, "0.1.0: confirmed\r\n");
+    controller.leave_boot(&mut machine).unwrap();
+    machine.wait_for_prompt(START_MAX).unwrap();
+    shows(&mut machine, "0.1.0: confirmed\r\n");
+    controller.run(&mut machine, Duration::from_secs(2)).unwrap();
+    machine.resets.clear();
+    assert_eq!(write(&mut controller, &mut machine, file(1, 1)), None);
+    controller.leave_boot(&mut machine).unwrap();
     assert_eq!(machine.resets, [], "the MainDevice must see that Boot was left");
     machine.wait_for_prompt(START_MAX).unwrap();
     // What came hangs.
-    let update = machine.type_line("show update").unwrap();
-    assert!(
-        update.contains("0.1.0: went back from 0.1.1: started by the watchdog while on trial"),
-        "{update}"
-    );
+    shows(&mut machine, "0.1.0: went back from 0.1.1: started by the watchdog while on trial");
 }

@@ -2,13 +2,14 @@
 
 use std::time::Duration;
 
-use mobgate_stm32_emulator::{Board, Format, Machine, Parity, RTU, Sent, Uart};
+use mobgate_stm32_emulator::{Board, Family, Format, Machine, Parity, RTU, Sent, Uart};
 
 use crate::{on_each_board, set_up, started};
 
 on_each_board!(
     a_request_on_one_line_reaches_the_device_on_another,
     damaged_characters_are_counted_and_cost_one_frame,
+    noise_through_which_every_bit_is_read_costs_nothing,
 );
 
 /// Unit 1 is asked for two registers, and responds.
@@ -65,6 +66,15 @@ fn a_request_on_one_line_reaches_the_device_on_another(board: Board) {
     }
 }
 
+/// What characters and frames may have.
+const FLAWS: [&str; 4] = ["parity", "framing", "overruns", "damaged"];
+
+/// How often `event` has happened at a port, as `show stats` has it.
+fn count(stats: &str, port: &str, event: &str) -> u32 {
+    let row = stats.lines().find(|line| line.split_whitespace().take(2).eq([port, event]));
+    row.and_then(|row| row.split_whitespace().nth(2)?.parse().ok()).unwrap_or(0)
+}
+
 fn damaged_characters_are_counted_and_cost_one_frame(board: Board) {
     let mut machine = started(board);
     set_up(
@@ -86,15 +96,46 @@ fn damaged_characters_are_counted_and_cost_one_frame(board: Board) {
     machine.send(Uart::Line2, &REQUEST, Format { baud: 38_400, ..RTU });
     machine.run(Duration::from_millis(50)).unwrap();
     let stats = machine.type_line("show stats").unwrap();
-    let count = |event: &str| {
-        let row = stats.lines().find(|line| line.split_whitespace().take(2).eq(["P2", event]));
-        row.and_then(|row| row.split_whitespace().nth(2)?.parse().ok()).unwrap_or(0)
-    };
-    assert!(count("parity") > 0, "{stats}");
-    assert!(count("damaged") > 0, "{stats}");
+    assert!(count(&stats, "P2", "parity") > 0, "{stats}");
+    assert!(count(&stats, "P2", "damaged") > 0, "{stats}");
     machine.sent(Uart::Line1);
     // And a good one is routed.
     machine.send(Uart::Line2, &REQUEST, RTU);
     let request = machine.receive(Uart::Line1, REQUEST.len(), Duration::from_millis(50)).unwrap();
     assert_eq!(bytes(&request), REQUEST);
+}
+
+/// The receiver takes three samples of each bit, and notes where one of them differs from the other two. The frame's CRC tells whether
+/// they were right, so the note is nothing that is counted, interrupts or delays.
+fn noise_through_which_every_bit_is_read_costs_nothing(board: Board) {
+    let mut machine = started(board);
+    set_up(
+        &mut machine,
+        &[
+            "port P1 serial uart1 rtu client 19200 8E1",
+            "port P2 serial uart2 rtu server 19200 8E1",
+            "route P2 1-64 * * P1",
+        ],
+    );
+    machine.run(Duration::from_secs(2)).unwrap();
+    let (before, mut instructions) = (machine.type_line("show stats").unwrap(), Vec::new());
+    for is_noisy in [false, true, true] {
+        let send = if is_noisy { Machine::send_noisy } else { Machine::send };
+        let from = machine.instructions();
+        send(&mut machine, Uart::Line2, &REQUEST, RTU);
+        let request = machine.receive(Uart::Line1, REQUEST.len(), Duration::from_millis(50)).unwrap();
+        assert_eq!(bytes(&request), REQUEST);
+        send(&mut machine, Uart::Line1, &RESPONSE, RTU);
+        let response = machine.receive(Uart::Line2, RESPONSE.len(), Duration::from_millis(50)).unwrap();
+        assert_eq!(bytes(&response), RESPONSE);
+        instructions.push(machine.instructions() - from);
+        machine.run(Duration::from_millis(50)).unwrap();
+    }
+    // The F4's flag goes when the character is read.
+    assert_eq!(machine.has_noise(Uart::Line2), board.family != Family::F4);
+    assert!(instructions[1].abs_diff(instructions[0]) < instructions[0] / 10, "{instructions:?}");
+    let stats = machine.type_line("show stats").unwrap();
+    for (port, event) in ["P1", "P2"].into_iter().flat_map(|port| FLAWS.map(|event| (port, event))) {
+        assert_eq!(count(&stats, port, event), count(&before, port, event), "{stats}");
+    }
 }

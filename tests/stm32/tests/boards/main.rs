@@ -7,6 +7,7 @@ use mobgate_stm32_emulator::{Board, CONSOLE, Machine, Uart};
 mod chips;
 mod clients;
 mod console;
+mod drive;
 mod ends;
 mod ethercat;
 #[expect(dead_code, reason = "no figure here has a least value")]
@@ -18,9 +19,11 @@ mod memory;
 mod network;
 mod passing;
 mod power;
+mod sb;
 mod settings;
 mod update_file;
 mod updates;
+mod without_ethercat;
 mod ymodem;
 
 /// Makes a test of each function for each board.

@@ -3,17 +3,8 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
+use mobgate_simulator::ymodem::{ACK, ASK, CAN, EOT, NAK, block, header};
 use mobgate_stm32_emulator::{CONSOLE, Machine, Stop, Uart, ends_with_prompt};
-
-const SOH: u8 = 0x01;
-const STX: u8 = 0x02;
-const EOT: u8 = 0x04;
-const ACK: u8 = 0x06;
-const NAK: u8 = 0x15;
-const CAN: u8 = 0x18;
-const ASK: u8 = b'C';
-/// What fills up the last block.
-const PADDING: u8 = 0x1a;
 
 /// Longest time until the console is back: the file, the swap and a start.
 const BACK_MAX: Duration = Duration::from_secs(240);
@@ -28,17 +19,13 @@ struct Sender {
 
 impl Sender {
     fn new(file: &[u8]) -> Self {
-        let mut header = format!("firmware.mgu\0{}", file.len()).into_bytes();
-        header.resize(128, 0);
-        let mut steps = VecDeque::from([(&[ASK][..], block(0, SOH, header))]);
+        let mut steps = VecDeque::from([(&[ASK][..], block(0, &header(Some(file.len()))))]);
         for (nth, data) in file.chunks(1024).enumerate() {
-            let mut data = data.to_vec();
-            data.resize(1024, PADDING);
             let after: &[u8] = if nth == 0 { &[ACK, ASK] } else { &[ACK] };
-            steps.push_back((after, block((nth + 1) as u8, STX, data)));
+            steps.push_back((after, block((nth + 1) as u8, data)));
         }
         steps.push_back((&[ACK], vec![EOT]));
-        steps.push_back((&[ACK, ASK], block(0, SOH, vec![0; 128])));
+        steps.push_back((&[ACK, ASK], block(0, &[0; 128])));
         Self { steps, heard: 0, last: Vec::new() }
     }
 
@@ -58,13 +45,6 @@ impl Sender {
         self.last = self.steps.pop_front()?.1;
         Some(self.last.clone())
     }
-}
-
-fn block(number: u8, kind: u8, data: Vec<u8>) -> Vec<u8> {
-    let crc = data.iter().fold(0_u16, |crc, &byte| {
-        (0..8).fold(crc ^ u16::from(byte) << 8, |crc, _| crc << 1 ^ if crc >> 15 != 0 { 0x1021 } else { 0 })
-    });
-    [&[kind, number, !number][..], &data, &crc.to_be_bytes()].concat()
 }
 
 /// As [`try_send`], where nothing stops the run.

@@ -11,7 +11,7 @@ use crate::pool::SOCKETS_MAX;
 
 /// Sockets that listen on one TCP port. One that receives a SYN listens no longer, and another does at once: so many SYNs are
 /// accepted within one poll of the stack.
-const BACKLOG: usize = 4;
+const BACKLOG: usize = 3;
 
 /// The TCP ports that sockets listen on, and who waits to listen.
 pub(crate) struct Listening {

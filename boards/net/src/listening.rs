@@ -2,27 +2,26 @@
 
 use core::cell::RefCell;
 use core::future::poll_fn;
-use core::task::Poll;
+use core::task::{Poll, Waker};
 
-use embassy_sync::waitqueue::MultiWakerRegistration;
 use heapless::Vec;
 
 use crate::pool::SOCKETS_MAX;
 
 /// Sockets that listen on one TCP port. One that receives a SYN listens no longer, and another does at once: so many SYNs are
 /// accepted within one poll of the stack.
-const BACKLOG: usize = 4;
+const BACKLOG: usize = 3;
 
 /// The TCP ports that sockets listen on, and who waits to listen.
 pub(crate) struct Listening {
     ports: RefCell<Vec<u16, SOCKETS_MAX>>,
-    waiting: RefCell<MultiWakerRegistration<SOCKETS_MAX>>,
+    waiting: RefCell<Vec<Waker, SOCKETS_MAX>>,
 }
 
 impl Listening {
     /// Nobody listens.
     pub(crate) const fn new() -> Self {
-        Self { ports: RefCell::new(Vec::new()), waiting: RefCell::new(MultiWakerRegistration::new()) }
+        Self { ports: RefCell::new(Vec::new()), waiting: RefCell::new(Vec::new()) }
     }
 
     /// Waits until another socket may listen on TCP port `port`.
@@ -33,7 +32,11 @@ impl Listening {
             if listen < BACKLOG && ports.push(port).is_ok() {
                 return Poll::Ready(Turn { listening: self, port });
             }
-            self.waiting.borrow_mut().register(context.waker());
+            let mut waiting = self.waiting.borrow_mut();
+            if !waiting.iter().any(|waker| waker.will_wake(context.waker())) {
+                // Fits: no more hosts wait than there are sockets for.
+                let _ = waiting.push(context.waker().clone());
+            }
             Poll::Pending
         })
         .await
@@ -52,6 +55,9 @@ impl Drop for Turn<'_> {
         if let Some(at) = ports.iter().position(|port| *port == self.port) {
             ports.swap_remove(at);
         }
-        self.listening.waiting.borrow_mut().wake();
+        let mut waiting = self.listening.waiting.borrow_mut();
+        while let Some(waker) = waiting.pop() {
+            waker.wake();
+        }
     }
 }

@@ -14,7 +14,7 @@ use crate::closing::end;
 use crate::listening::Listening;
 
 /// Most sockets in a pool.
-pub const SOCKETS_MAX: usize = 32;
+pub const SOCKETS_MAX: usize = 24;
 
 /// The sockets that a board can have open at a time.
 ///

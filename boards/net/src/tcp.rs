@@ -52,25 +52,26 @@ impl TcpHost for TcpSockets {
             if let Poll::Ready(Err(_)) = poll_once(socket.accept(at)) {
                 return Err(OpenError::new(OpenErrorKind::Failed, ""));
             }
-            left(socket, &[State::Listen]).await;
-            drop(turn);
-            left(socket, &[State::Listen, State::SynReceived]).await;
+            let mut turn = Some(turn);
+            poll_fn(|context| {
+                // Each change of the state wakes who waits to write, which none of these states allows.
+                let _ = pin!(socket.wait_write_ready()).poll(context);
+                match socket.state() {
+                    State::Listen => Poll::Pending,
+                    State::SynReceived => {
+                        turn = None;
+                        Poll::Pending
+                    }
+                    _ => Poll::Ready(()),
+                }
+            })
+            .await;
             // If there is none, the peer gave up during the handshake.
             if let Some(peer) = socket.remote_endpoint() {
                 return Ok((TcpStream::new(pooled), address(peer)));
             }
         }
     }
-}
-
-/// Waits until `socket` is in none of these states, in which nothing can be written.
-async fn left(socket: &TcpSocket<'_>, states: &[State]) {
-    poll_fn(|context| {
-        // Each change of the state wakes who waits for that.
-        let _ = pin!(socket.wait_write_ready()).poll(context);
-        if states.contains(&socket.state()) { Poll::Pending } else { Poll::Ready(()) }
-    })
-    .await
 }
 
 /// The endpoint for embassy-net to listen on.

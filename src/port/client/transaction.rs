@@ -4,8 +4,9 @@
 //! (Modbus over Serial Line 2.5.1.1); an ASCII response is delimited. Frames that do not match the request leave the response
 //! timer running. The time the request takes on the wire does not count as response time.
 //!
-//! Where the board prefers it, reading pauses as soon as the first characters give a minimum length, and resumes when the last of
-//! those is due: the sleeping program then wakes only once for all of them.
+//! As soon as the first characters give a minimum length, those of it that are missing are needed together. A board that counts
+//! characters wakes the program with the last of them, also with that of the shortest response; where a board prefers it, reading
+//! pauses until the last one is due.
 
 use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Instant, Timer};
@@ -139,6 +140,7 @@ impl<'s, L: SerialLine> SerialTransaction<'s, L> {
         // A frame that began in time is received to its end, but a babbling line is not read forever.
         let longest = self.line.settings.chars(self.settings.framing.chars_max());
         let end = deadline + longest + self.silence;
+        let mut is_late = false;
         // The echo of the request may have been read together with the start of the response.
         let mut found =
             if self.line.received().is_empty() { Found::Nothing } else { self.match_response(incoming) };
@@ -155,27 +157,37 @@ impl<'s, L: SerialLine> SerialTransaction<'s, L> {
                 }
             }
             let has_begun = self.has_begun();
+            // Characters that come too late to be gathered are read as they are.
+            let missing = if is_late { None } else { self.missing(incoming) };
+            is_late = false;
+            let gathered = missing.filter(|count| self.line.gather(*count));
             // A start before the end of the request is impossible on a wire, but not on a PTY, which delivers at once.
             if L::RESTS
+                && gathered.is_none()
                 && has_begun
                 && self.line.begun() >= sent
-                && let Some(due) = self.due(incoming)
-                && self.line.rest(due).await
+                && let Some(count) = missing
+                && self.line.rest_before(count).await
             {
                 // Unread characters do not count as silence.
                 self.line.active = self.line.active.max(Instant::now());
             }
             let over = match has_begun {
-                true => end.min(self.line.quiet_at(self.silence)),
+                true => end
+                    .min(self.line.quiet_at(self.silence) + self.line.settings.chars(gathered.unwrap_or(0))),
                 false => deadline,
             };
             found = match select(self.line.read(), until(over.min(incoming.due()))).await {
-                Either::Second(()) if self.line.is_relayed() && Instant::now() < end => Found::Nothing,
                 Either::First(read) => {
                     read?;
                     self.pauses |= self.decoder.in_frame() && self.line.pauses();
                     self.match_response(incoming)
                 }
+                Either::Second(()) if gathered.is_some() => {
+                    is_late = self.line.gather(1);
+                    Found::Nothing
+                }
+                Either::Second(()) if self.line.is_relayed() && Instant::now() < end => Found::Nothing,
                 Either::Second(()) if Instant::now() < over => self.match_response(incoming),
                 Either::Second(()) if has_begun => self.match_at_silence(incoming),
                 Either::Second(()) => break Err(Failure::Timeout),

@@ -2,6 +2,7 @@
 
 use embassy_time::Instant;
 use portable_atomic::{AtomicU8, AtomicU32, Ordering};
+use strum::{IntoStaticStr, VariantArray};
 
 pub use self::log::{LOG_ENTRIES_MAX, Log, LogEntry, Outcome};
 use crate::frame::Cause;
@@ -13,23 +14,31 @@ mod log;
 pub mod response_tail;
 
 /// The events that a port counts.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, VariantArray, IntoStaticStr)]
+#[strum(serialize_all = "kebab-case")]
 pub enum Event {
     /// A request was received from an outside client, or sent to an outside server.
+    #[strum(serialize = "requests")]
     Request,
     /// A response was sent to an outside client, or received from an outside server; includes exceptions.
+    #[strum(serialize = "answers")]
     Response,
     /// Of the responses, those that are exceptions.
+    #[strum(serialize = "exceptions")]
     Exception,
     /// No response in time.
+    #[strum(serialize = "timeouts")]
     Timeout,
     /// Of the time-outs, those in which nothing at all was received.
     Silent,
     /// Receiver overrun.
+    #[strum(serialize = "overruns")]
     Overrun,
     /// A response that was corrupt or truncated.
+    #[strum(serialize = "damaged")]
     Corrupt,
     /// Of the corrupt responses, those with a bad CRC or LRC.
+    #[strum(serialize = "bad-crc")]
     BadCheck,
     /// Of the corrupt responses, those that were truncated.
     Short,
@@ -50,8 +59,10 @@ pub enum Event {
     /// The echo of the gateway's own request, on a line whose settings do not say `echo`.
     Echo,
     /// A request sent to prove that a unit has answered all earlier ones.
+    #[strum(serialize = "proofs")]
     Proof,
     /// A read that was repeated.
+    #[strum(serialize = "retries")]
     Retry,
     /// A read that shared the transaction of another one.
     Merged,
@@ -64,6 +75,7 @@ pub enum Event {
     /// Not sent: expired while waiting.
     Expired,
     /// Not sent, or the response dropped: the requester is gone.
+    #[strum(serialize = "asker-gone")]
     RequesterGone,
     /// Refused: the queue is full.
     QueueFull,
@@ -90,12 +102,14 @@ pub enum Event {
     /// A connection was closed because its client was idle or did not read.
     Stalled,
     /// A duplicate of an open request, which was not executed again.
+    #[strum(serialize = "duplicates")]
     Duplicate,
     /// Bytes from a client that are not Modbus TCP, or an incomplete frame from a MainDevice.
     Malformed,
     /// The line, or the connection to a server, was lost and is reopened.
     LineLost,
     /// Another device was sending at the same time: the echo differed from the frame sent.
+    #[strum(serialize = "collisions")]
     Collision,
     /// A client was answered 06h.
     Busy,
@@ -111,112 +125,21 @@ pub enum Event {
 
 impl Event {
     /// Every event, in display order.
-    pub const ALL: [Self; 46] = [
-        Self::Request,
-        Self::Response,
-        Self::Exception,
-        Self::Timeout,
-        Self::Silent,
-        Self::Overrun,
-        Self::Corrupt,
-        Self::BadCheck,
-        Self::Short,
-        Self::Parity,
-        Self::Framing,
-        Self::Noise,
-        Self::WrongUnit,
-        Self::Misfit,
-        Self::Late,
-        Self::Unsolicited,
-        Self::Echo,
-        Self::Proof,
-        Self::Retry,
-        Self::Merged,
-        Self::Parted,
-        Self::Cached,
-        Self::UnitDown,
-        Self::Expired,
-        Self::RequesterGone,
-        Self::QueueFull,
-        Self::Refused,
-        Self::Ignored,
-        Self::NoPath,
-        Self::Discarded,
-        Self::BackPressure,
-        Self::Stray,
-        Self::Connected,
-        Self::Left,
-        Self::Unwelcome,
-        Self::Crowded,
-        Self::Stalled,
-        Self::Duplicate,
-        Self::Malformed,
-        Self::LineLost,
-        Self::Collision,
-        Self::Busy,
-        Self::Foreign,
-        Self::Cut,
-        Self::Stored,
-        Self::Aborted,
-    ];
+    pub const ALL: &[Self] = Self::VARIANTS;
 
     /// Its name in `show stats`.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Request => "requests",
-            Self::Response => "answers",
-            Self::Exception => "exceptions",
-            Self::Timeout => "timeouts",
-            Self::Silent => "silent",
-            Self::Overrun => "overruns",
-            Self::Corrupt => "damaged",
-            Self::BadCheck => "bad-crc",
-            Self::Short => "short",
-            Self::Parity => "parity",
-            Self::Framing => "framing",
-            Self::Noise => "noise",
-            Self::WrongUnit => "wrong-unit",
-            Self::Misfit => "misfit",
-            Self::Late => "late",
-            Self::Unsolicited => "unsolicited",
-            Self::Echo => "echo",
-            Self::Proof => "proofs",
-            Self::Retry => "retries",
-            Self::Merged => "merged",
-            Self::Parted => "parted",
-            Self::Cached => "cached",
-            Self::UnitDown => "unit-down",
-            Self::Expired => "expired",
-            Self::RequesterGone => "asker-gone",
-            Self::QueueFull => "queue-full",
-            Self::Refused => "refused",
-            Self::Ignored => "ignored",
-            Self::NoPath => "no-path",
-            Self::Discarded => "discarded",
-            Self::BackPressure => "back-pressure",
-            Self::Stray => "stray",
-            Self::Connected => "connected",
-            Self::Left => "left",
-            Self::Unwelcome => "unwelcome",
-            Self::Crowded => "crowded",
-            Self::Stalled => "stalled",
-            Self::Duplicate => "duplicates",
-            Self::Malformed => "malformed",
-            Self::LineLost => "line-lost",
-            Self::Collision => "collisions",
-            Self::Busy => "busy",
-            Self::Foreign => "foreign",
-            Self::Cut => "cut",
-            Self::Stored => "stored",
-            Self::Aborted => "aborted",
-        }
+    pub fn name(self) -> &'static str {
+        self.into()
     }
 }
 
-/// The last error of a serial port, with the numbers that controllers display.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+/// The last error of a serial port, with the numbers that controllers display. The initial one comes first, so that the initial state
+/// is all zeros.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, VariantArray)]
 #[repr(u8)]
 pub enum LastError {
+    /// The line has not been opened yet.
+    NotStarted = 12,
     /// No error.
     None = 0,
     /// The line could not be opened.
@@ -237,26 +160,9 @@ pub enum LastError {
     Gap = 10,
     /// An ASCII frame that is too long, has an invalid character, or lacks its line feed.
     Ascii = 11,
-    /// The line has not been opened yet.
-    NotStarted = 12,
 }
 
 impl LastError {
-    /// Every error, starting with the initial one, so that the initial state is all zeros.
-    pub const ALL: [Self; 11] = [
-        Self::NotStarted,
-        Self::None,
-        Self::Port,
-        Self::Checksum,
-        Self::Length,
-        Self::Address,
-        Self::Function,
-        Self::Response,
-        Self::Value,
-        Self::Gap,
-        Self::Ascii,
-    ];
-
     /// Its name in `show stats`.
     pub const fn name(self) -> &'static str {
         match self {
@@ -278,7 +184,7 @@ impl LastError {
 /// One wrapping counter per event, and the last error.
 pub struct Counters {
     events: [AtomicU32; Event::ALL.len()],
-    /// Index in [`LastError::ALL`].
+    /// Index in `LastError::VARIANTS`.
     last_error: AtomicU8,
     /// The clock's seconds when the counters were cleared.
     since_s: AtomicU32,
@@ -296,7 +202,7 @@ impl Counters {
 
     /// Sets the last error.
     pub fn note(&self, error: LastError) {
-        let index = LastError::ALL.iter().position(|known| *known == error).unwrap_or(0);
+        let index = LastError::VARIANTS.iter().position(|known| *known == error).unwrap_or(0);
         self.last_error.store(index as u8, Ordering::Relaxed);
     }
 
@@ -332,7 +238,7 @@ impl Counters {
     /// The last error.
     pub fn last_error(&self) -> LastError {
         let index = self.last_error.load(Ordering::Relaxed);
-        LastError::ALL.get(usize::from(index)).copied().unwrap_or(LastError::None)
+        LastError::VARIANTS.get(usize::from(index)).copied().unwrap_or(LastError::None)
     }
 
     /// Counts `event`.

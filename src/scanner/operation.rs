@@ -1,9 +1,11 @@
 //! Operations that a program starts on a row, and their progress.
 
+use strum::{EnumCount, FromRepr};
+
 use super::status::ErrorCode;
 
 /// An immediate operation on a row.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, FromRepr)]
 #[repr(u8)]
 pub enum Operation {
     /// Read it.
@@ -16,16 +18,8 @@ pub enum Operation {
     Finish = 4,
 }
 
-impl Operation {
-    const ALL: [Self; 4] = [Self::Read, Self::Write, Self::Begin, Self::Finish];
-
-    pub(super) fn of(number: u8) -> Option<Self> {
-        Self::ALL.into_iter().find(|operation| *operation as u8 == number)
-    }
-}
-
 /// The progress of a command.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, FromRepr, EnumCount)]
 #[repr(u8)]
 pub(super) enum Progress {
     /// There has been no command.
@@ -40,17 +34,6 @@ pub(super) enum Progress {
 }
 
 impl Progress {
-    pub(super) const ALL: [Self; 8] = [
-        Self::None,
-        Self::ReadWaits,
-        Self::ReadSent,
-        Self::WriteWaits,
-        Self::WriteSent,
-        Self::Begun,
-        Self::Done,
-        Self::Failed,
-    ];
-
     pub(super) const fn is_under_way(self) -> bool {
         matches!(self, Self::ReadWaits | Self::ReadSent | Self::WriteWaits | Self::WriteSent | Self::Begun)
     }
@@ -83,7 +66,7 @@ impl Command {
     }
 
     pub(super) fn progress(self) -> Progress {
-        Progress::ALL.get(usize::from(self.0 & 7)).copied().unwrap_or(Progress::None)
+        Progress::from_repr(self.0 & 7).unwrap_or(Progress::None)
     }
 
     /// Changes from one of `from` to `to`; otherwise nothing changes.

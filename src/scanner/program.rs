@@ -5,6 +5,7 @@
 //! refused, so each program can tell whether its own was accepted. The commands do the same as the console's.
 
 use embassy_time::{Duration, Instant};
+use strum::EnumCount;
 
 use super::operation::{Command, Operation, Progress};
 use super::row::{DeviceId, Entry, RowId};
@@ -40,7 +41,7 @@ impl Scanner {
         // A row that shows another's variable stands for that row.
         let id = self.entry(id).ok_or(Refused::NotThere)?.row.of.unwrap_or(id);
         let (requester, operation) = split(command)?;
-        let operation = Operation::of(operation).ok_or(Refused::Value)?;
+        let operation = Operation::from_repr(operation).ok_or(Refused::Value)?;
         self.entry(id).and_then(|entry| entry.row.device).ok_or(Refused::NoDevice)?;
         if self.is_taken(id, requester) {
             return Err(Refused::Taken);
@@ -146,4 +147,4 @@ fn split(command: u16) -> Result<(u8, u8), Refused> {
     if requester < REQUESTERS { Ok((requester, low)) } else { Err(Refused::Value) }
 }
 
-const _: () = assert!(REQUESTERS as usize * Progress::ALL.len() == 256, "a command is a byte");
+const _: () = assert!(REQUESTERS as usize * Progress::COUNT == 256, "a command is a byte");

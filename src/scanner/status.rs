@@ -2,8 +2,10 @@
 
 use core::fmt;
 
+use strum::VariantArray;
+
 /// Why a request failed, as the number in bits 12 to 15.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, VariantArray)]
 #[repr(u8)]
 pub enum ErrorCode {
     /// An exception with another code than those below.
@@ -27,16 +29,7 @@ pub enum ErrorCode {
 
 impl ErrorCode {
     /// Every code, by number.
-    pub const ALL: [Self; 8] = [
-        Self::Unspecified,
-        Self::Function,
-        Self::Address,
-        Self::Value,
-        Self::Unknown,
-        Self::Timeout,
-        Self::Transmission,
-        Self::Connection,
-    ];
+    pub const ALL: &[Self] = Self::VARIANTS;
 
     /// The code for a device's exception.
     pub const fn of_exception(exception: u8) -> Self {

@@ -1,6 +1,7 @@
 //! Every pair of framings, every function code, every way in which a response can come: each has its defined outcome.
 
 use mobgate_simulator::client::Reply;
+use strum::{EnumIter, IntoEnumIterator};
 
 use crate::matrix::Requester;
 use crate::prelude::*;
@@ -13,7 +14,7 @@ const DEVICE_FAILURE: u8 = 0x04;
 const TIMEOUT: Duration = Duration::from_millis(50);
 
 /// How a response comes.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, EnumIter)]
 enum Coming {
     Normal,
     Exception,
@@ -26,17 +27,6 @@ enum Coming {
 }
 
 impl Coming {
-    const ALL: [Self; 8] = [
-        Self::Normal,
-        Self::Exception,
-        Self::Truncated,
-        Self::BadCheck,
-        Self::WrongUnit,
-        Self::Late,
-        Self::NoiseBefore,
-        Self::NoiseAfter,
-    ];
-
     fn faults(self, seed: u64) -> Faults {
         let late = TIMEOUT + Duration::from_millis(10);
         let fault = match self {
@@ -114,7 +104,8 @@ fn all_outcomes(server: &str, client: &str, cut: bool) {
         let framing = rig.framing("down");
         // Who is switched on hears a silence first.
         world.run_for(Duration::from_millis(10));
-        for (function, coming) in (1..=127).flat_map(|function| Coming::ALL.map(|coming| (function, coming)))
+        for (function, coming) in
+            (1..=127).flat_map(|function| Coming::iter().map(move |coming| (function, coming)))
         {
             let (request, answer) = exchange(function);
             device.set_response(&answer);

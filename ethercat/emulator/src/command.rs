@@ -1,8 +1,10 @@
 //! The fifteen datagram commands: addressing, action and working counter (I, EtherCAT Protocol: addressing modes, command types,
 //! working counter).
 
+use strum::{FromRepr, VariantArray};
+
 /// A datagram's command.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, FromRepr, VariantArray)]
 #[repr(u8)]
 #[expect(missing_docs, reason = "the names are those of the protocol")]
 pub enum Command {
@@ -63,30 +65,6 @@ impl Action {
 }
 
 impl Command {
-    /// All commands, in the order of their codes.
-    pub const ALL: [Self; 15] = [
-        Self::Nop,
-        Self::Aprd,
-        Self::Apwr,
-        Self::Aprw,
-        Self::Fprd,
-        Self::Fpwr,
-        Self::Fprw,
-        Self::Brd,
-        Self::Bwr,
-        Self::Brw,
-        Self::Lrd,
-        Self::Lwr,
-        Self::Lrw,
-        Self::Armw,
-        Self::Frmw,
-    ];
-
-    /// The command of a code.
-    pub fn from_code(code: u8) -> Option<Self> {
-        Self::ALL.get(usize::from(code)).copied()
-    }
-
     /// How it addresses devices.
     pub fn addressing(self) -> Addressing {
         match self {

@@ -28,7 +28,7 @@ pub struct Datagram<'f>(&'f mut [u8]);
 impl Datagram<'_> {
     /// The command, if its code is valid.
     pub fn command(&self) -> Option<Command> {
-        Command::from_code(self.0[0])
+        Command::from_repr(self.0[0])
     }
 
     /// The first half of the address: position or station.

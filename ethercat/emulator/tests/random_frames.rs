@@ -4,6 +4,7 @@ use ethercat_esc::frame::{Builder, FRAME_BYTES_MAX, datagrams, is_ethercat, is_w
 use ethercat_esc::{Chip, Command, Kind};
 use proptest::collection::vec;
 use proptest::prelude::*;
+use strum::VariantArray;
 
 /// Where registers have effects, and around the limits of the memory.
 const PLACES: [u16; 13] =
@@ -15,7 +16,7 @@ fn datagram() -> impl Strategy<Value = (Command, u32, Vec<u8>)> {
         .prop_map(|(device, place, offset)| ((u32::from(place) + offset) & 0xFFFF) << 16 | device);
     let address = prop_oneof![4 => physical, 1 => 0..0x4000_u32, 1 => any::<u32>()];
     let byte = prop_oneof![Just(0), Just(1), Just(0xFF), any::<u8>()];
-    (prop::sample::select(&Command::ALL[..]), address, vec(byte, 0..100))
+    (prop::sample::select(Command::VARIANTS), address, vec(byte, 0..100))
 }
 
 /// A limit of a range of addresses, or anything.

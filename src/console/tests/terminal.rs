@@ -56,9 +56,7 @@ fn busy(gateway: &Gateway<'_>) {
     pipe(gateway, "port P3 serial /dev/serial/by-id/usb-FTDI_FT232R rtu client\n");
     let place = gateway.port_state(PortId(0)).unwrap();
     let now = embassy_time::Instant::now();
-    for event in Event::ALL {
-        place.stats.count(event);
-    }
+    Event::ALL.iter().for_each(|event| place.stats.count(*event));
     for _ in 0..1_000 {
         place.units(|units| units.asked(247));
     }

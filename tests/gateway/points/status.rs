@@ -40,8 +40,8 @@ fn bits_and_error_codes_are_those_of_the_vectors() {
         "transmission",
         "connection",
     ];
-    for (code, name) in ErrorCode::ALL.into_iter().zip(names) {
-        assert_eq!(code as u64, number(&vectors()["error_codes"], name), "{name}");
+    for (code, name) in ErrorCode::ALL.iter().zip(names) {
+        assert_eq!(*code as u64, number(&vectors()["error_codes"], name), "{name}");
     }
     for (error, name) in [
         (LastError::None, "none"),

@@ -94,8 +94,8 @@ impl Stage<'_, '_, '_> {
             let [count, name] = count[..] else {
                 return Err("a count and a counter's name are missing".to_owned());
             };
-            let event = Event::ALL.into_iter().find(|known| known.name() == name);
-            let event = event.ok_or("no counter has this name")?;
+            let event = Event::ALL.iter().find(|known| known.name() == name);
+            let event = *event.ok_or("no counter has this name")?;
             equal(name, self.rig.counted(port, event), number(count)?)?;
         }
         Ok(())

@@ -9,16 +9,20 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
+use strum::{EnumIter, IntoStaticStr};
+
 use crate::common::mobgate;
 use crate::line::Pace;
 
 mod settings;
 
 /// A gateway.
-#[derive(Clone, Copy, PartialEq, Eq)]
+#[derive(Clone, Copy, PartialEq, Eq, EnumIter, IntoStaticStr)]
+#[strum(serialize_all = "kebab-case")]
 pub(crate) enum Contestant {
     Mobgate,
     Mbusd,
+    #[strum(serialize = "mbusd, 1 ms pause")]
     MbusdShortPause,
     ModbusRelay,
     ModbusGateway,
@@ -45,26 +49,8 @@ pub(crate) struct Wired<'a> {
 }
 
 impl Contestant {
-    pub(crate) const ALL: [Self; 7] = [
-        Self::Mobgate,
-        Self::Mbusd,
-        Self::MbusdShortPause,
-        Self::ModbusRelay,
-        Self::ModbusGateway,
-        Self::ModbusProxy,
-        Self::ModbusProxyRs,
-    ];
-
     pub(crate) fn name(self) -> &'static str {
-        match self {
-            Self::Mobgate => "mobgate",
-            Self::Mbusd => "mbusd",
-            Self::MbusdShortPause => "mbusd, 1 ms pause",
-            Self::ModbusRelay => "modbus-relay",
-            Self::ModbusGateway => "modbus-gateway",
-            Self::ModbusProxy => "modbus-proxy",
-            Self::ModbusProxyRs => "modbus-proxy-rs",
-        }
+        self.into()
     }
 
     /// Whether it can have that behind it at all.

@@ -5,6 +5,7 @@ use std::sync::atomic::Ordering::Relaxed;
 use std::time::{Duration, Instant};
 
 use serial2::SerialPort;
+use strum::IntoEnumIterator;
 
 use crate::common::{Program, free_port};
 use crate::contestants::{Behind, Contestant, Wired};
@@ -142,7 +143,7 @@ pub(crate) fn contestants(
     behind: Behind<'_>,
     open: impl Fn(Contestant) -> Result<Lane, String>,
 ) -> Vec<Lane> {
-    let able = Contestant::ALL.into_iter().filter(|contestant| contestant.takes(behind));
+    let able = Contestant::iter().filter(|contestant| contestant.takes(behind));
     able.filter_map(|contestant| match open(contestant) {
         Ok(lane) => Some(lane),
         Err(why) => {

@@ -73,7 +73,8 @@ pub(crate) fn map(
     unicorn.mem_write(u64::from(chip::FLASH), &code)?;
     hook_code(unicorn, code_bytes, bus)?;
     for (&(address, length), bytes) in board.memories.iter().zip(memories) {
-        unicorn.mem_map(u64::from(address), u64::from(length), Prot::ALL)?;
+        // No image has instructions there. Where there may be some, Unicorn takes a long way for each store.
+        unicorn.mem_map(u64::from(address), u64::from(length), Prot::READ | Prot::WRITE)?;
         unicorn.mem_write(u64::from(address), bytes)?;
     }
     let regions = [
@@ -203,7 +204,7 @@ pub(crate) fn hook_hints(
     Ok(())
 }
 
-/// Notes the address of an access to no memory. Where a hook reaches into a memory, Unicorn takes a long way for each store there.
+/// Notes the address of an access to no memory. A hook that reaches into a memory is as bad as instructions there.
 pub(crate) fn hook_faults(
     unicorn: &mut Unicorn<'static, ()>,
     board: &Board,

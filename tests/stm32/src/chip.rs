@@ -20,7 +20,7 @@ pub struct Board {
     pub family: Family,
     /// The image is the one that has EtherCAT and data points.
     pub has_ethercat: bool,
-    /// First address and length of each memory that the program has.
+    /// First address and length of each memory that the program has, in their order.
     pub(crate) memories: &'static [(u32, u32)],
     /// First address and length of the program's part of the flash. Up to its end instructions are executed; what follows is a device.
     pub(crate) active: (u32, u32),

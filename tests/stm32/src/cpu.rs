@@ -73,7 +73,7 @@ impl Cpu {
         hooks::map(&mut unicorn, board, memories, bus)?;
         let notes = Rc::new(RefCell::new(Notes::default()));
         hooks::hook_blocks(&mut unicorn, bus, &notes, work)?;
-        hooks::hook_faults(&mut unicorn, &notes)?;
+        hooks::hook_faults(&mut unicorn, board, &notes)?;
         let mut cpu =
             Self { unicorn, bus: bus.clone(), notes, floats: Vec::new(), is_asleep: false, last_fault: None };
         let (stack, start) = (cpu.word(chip::FLASH), cpu.word(chip::FLASH + 4));

@@ -73,7 +73,8 @@ pub(crate) fn map(
     unicorn.mem_write(u64::from(chip::FLASH), &code)?;
     hook_code(unicorn, code_bytes, bus)?;
     for (&(address, length), bytes) in board.memories.iter().zip(memories) {
-        unicorn.mem_map(u64::from(address), u64::from(length), Prot::ALL)?;
+        // No image has instructions there. Where there may be some, Unicorn takes a long way for each store.
+        unicorn.mem_map(u64::from(address), u64::from(length), Prot::READ | Prot::WRITE)?;
         unicorn.mem_write(u64::from(address), bytes)?;
     }
     let regions = [
@@ -203,15 +204,21 @@ pub(crate) fn hook_hints(
     Ok(())
 }
 
-/// Notes the address of an access to no memory.
+/// Notes the address of an access to no memory. A hook that reaches into a memory is as bad as instructions there.
 pub(crate) fn hook_faults(
     unicorn: &mut Unicorn<'static, ()>,
+    board: &Board,
     notes: &Rc<RefCell<Notes>>,
 ) -> Result<(), uc_error> {
-    let notes = notes.clone();
-    unicorn.add_mem_hook(HookType::MEM_INVALID, 0, u64::MAX, move |_, _, address, _, _| {
-        notes.borrow_mut().bad_address = Some(address as u32);
-        false
-    })?;
+    let memories = board.memories.iter().map(|&(base, length)| (u64::from(base), u64::from(length)));
+    let mut begin = 0;
+    for (base, length) in memories.chain([(u64::MAX, 0)]) {
+        let notes = notes.clone();
+        unicorn.add_mem_hook(HookType::MEM_INVALID, begin, base - 1, move |_, _, address, _, _| {
+            notes.borrow_mut().bad_address = Some(address as u32);
+            false
+        })?;
+        begin = base + length;
+    }
     Ok(())
 }

@@ -22,8 +22,9 @@
 //!
 //! # What differs from the chips
 //!
-//! Each instruction takes one cycle. There are no wait states and no bus contention, and nothing is cached (`caches` notices where that would do harm); a register has its effect at once. A bus fault
-//! is taken at the end of the block of instructions. Registers of the floating-point unit do not lie on the stack in an exception.
+//! Each instruction takes one cycle, and lies in the flash: to execute one elsewhere is a fault. There are no wait states and no bus
+//! contention, and nothing is cached (`caches` notices where that would do harm); a register has its effect at once. A bus fault is
+//! taken at the end of the block of instructions. Registers of the floating-point unit do not lie on the stack in an exception.
 
 mod access;
 mod bank;

@@ -72,7 +72,7 @@ fn the_console_begins_and_ends_a_file_and_writes_over_none() {
     converse(&mut console, "capture off\nshow version\n", "mobgate ");
     ask(&mut client, 1, &[3, 0, 0, 0, 2]);
     assert_eq!(decoded(&file), WHOLE, "the second transaction is not in there");
-    converse(&mut console, &capture, "failed (there is such a file already)");
+    converse(&mut console, capture, "failed (there is such a file already)");
 }
 
 #[test]

@@ -6,26 +6,24 @@ use core::task::{Poll, Waker};
 
 use heapless::Vec;
 
-use crate::pool::SOCKETS_MAX;
-
 /// Sockets that listen on one TCP port. One that receives a SYN listens no longer, and another does at once: so many SYNs are
 /// accepted within one poll of the stack.
 const BACKLOG: usize = 3;
 
-/// The TCP ports that sockets listen on, and who waits to listen.
-pub(crate) struct Listening {
-    ports: RefCell<Vec<u16, SOCKETS_MAX>>,
-    waiting: RefCell<Vec<Waker, SOCKETS_MAX>>,
+/// The TCP ports that `N` sockets listen on, and who waits to listen.
+pub(crate) struct Listening<const N: usize> {
+    ports: RefCell<Vec<u16, N>>,
+    waiting: RefCell<Vec<Waker, N>>,
 }
 
-impl Listening {
+impl<const N: usize> Listening<N> {
     /// Nobody listens.
     pub(crate) const fn new() -> Self {
         Self { ports: RefCell::new(Vec::new()), waiting: RefCell::new(Vec::new()) }
     }
 
     /// Waits until another socket may listen on TCP port `port`.
-    pub(crate) async fn turn(&self, port: u16) -> Turn<'_> {
+    pub(crate) async fn turn(&self, port: u16) -> Turn<'_, N> {
         poll_fn(|context| {
             let mut ports = self.ports.borrow_mut();
             let listen = ports.iter().filter(|other| **other == port).count();
@@ -44,12 +42,12 @@ impl Listening {
 }
 
 /// The right to listen, until it is dropped.
-pub(crate) struct Turn<'s> {
-    listening: &'s Listening,
+pub(crate) struct Turn<'s, const N: usize> {
+    listening: &'s Listening<N>,
     port: u16,
 }
 
-impl Drop for Turn<'_> {
+impl<const N: usize> Drop for Turn<'_, N> {
     fn drop(&mut self) {
         let mut ports = self.listening.ports.borrow_mut();
         if let Some(at) = ports.iter().position(|port| *port == self.port) {

@@ -25,7 +25,7 @@ pub struct Sockets {
     /// Dropped connections, whose peers are still to be told.
     dropped: RefCell<Vec<PooledTcp, SOCKETS_MAX>>,
     news: Signal<NoopRawMutex, ()>,
-    pub(crate) listening: Listening,
+    pub(crate) listening: Listening<SOCKETS_MAX>,
 }
 
 impl Sockets {

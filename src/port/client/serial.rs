@@ -125,16 +125,15 @@ async fn transact<'g, L: SerialLine>(
     let mut request = Pdu::new();
     // Fits: no longer than a PDU may be.
     dispatcher.with_request(&frame, |pdu| request.extend_from_slice(pdu).unwrap_or_default());
-    let request = &request;
     let outcome = match sent {
-        Ok(()) => transaction.receive(&mut IncomingResponse::new(dispatcher, &frame, unit, request)).await?,
+        Ok(()) => transaction.receive(&mut IncomingResponse::new(dispatcher, &frame, unit, &request)).await?,
         Err(Collision) => Err(Failure::Collision),
     };
     if proving {
         proved(dispatcher, client, &frame, unit, outcome);
         return Ok(());
     }
-    answered(dispatcher, client, &frame, unit, request, outcome);
+    answered(dispatcher, client, &frame, unit, &request, outcome);
     Ok(())
 }
 

@@ -8,6 +8,8 @@
 //! characters wakes the program with the last of them, also with that of the shortest response; where a board prefers it, reading
 //! pauses until the last one is due.
 
+use core::mem;
+
 use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Instant, Timer};
 use heapless::Vec;
@@ -140,43 +142,34 @@ impl<'s, L: SerialLine> SerialTransaction<'s, L> {
         // A frame that began in time is received to its end, but a babbling line is not read forever.
         let longest = self.line.settings.chars(self.settings.framing.chars_max());
         let end = deadline + longest + self.silence;
+        // Characters that come too late to be gathered are read as they are.
         let mut is_late = false;
         // The echo of the request may have been read together with the start of the response.
         let mut found =
             if self.line.received().is_empty() { Found::Nothing } else { self.match_response(incoming) };
         let outcome = loop {
             match found {
-                Found::Nothing => {}
                 Found::Response => break Ok(()),
                 Found::Corrupt(error) => break Err(Failure::Corrupt(error)),
-                Found::Other => {
-                    if !self.line.received().is_empty() {
-                        found = self.match_response(incoming);
-                        continue;
-                    }
+                Found::Other if !self.line.received().is_empty() => {
+                    found = self.match_response(incoming);
+                    continue;
                 }
+                Found::Nothing | Found::Other => {}
             }
             let has_begun = self.has_begun();
-            // Characters that come too late to be gathered are read as they are.
-            let missing = if is_late { None } else { self.missing(incoming) };
-            is_late = false;
+            let missing = if mem::take(&mut is_late) { None } else { self.missing(incoming) };
             let gathered = missing.filter(|count| self.line.gather(*count));
             // A start before the end of the request is impossible on a wire, but not on a PTY, which delivers at once.
             if L::RESTS
                 && gathered.is_none()
-                && has_begun
-                && self.line.begun() >= sent
-                && let Some(count) = missing
+                && let Some(count) = missing.filter(|_| has_begun && self.line.begun() >= sent)
                 && self.line.rest_before(count).await
             {
                 // Unread characters do not count as silence.
                 self.line.active = self.line.active.max(Instant::now());
             }
-            let over = match has_begun {
-                true => end
-                    .min(self.line.quiet_at(self.silence) + self.line.settings.chars(gathered.unwrap_or(0))),
-                false => deadline,
-            };
+            let over = if has_begun { end.min(self.quiet_at(gathered)) } else { deadline };
             found = match select(self.line.read(), until(over.min(incoming.due()))).await {
                 Either::First(read) => {
                     read?;
@@ -199,6 +192,11 @@ impl<'s, L: SerialLine> SerialTransaction<'s, L> {
             self.line.active = self.line.active.max(sent);
         }
         Ok(outcome.map(|()| self.line.active.saturating_duration_since(sent)))
+    }
+
+    /// When silence may have ended the frame; so many characters are `gathered` first.
+    fn quiet_at(&self, gathered: Option<usize>) -> Instant {
+        self.line.quiet_at(self.silence + self.line.settings.chars(gathered.unwrap_or(0)))
     }
 
     /// Sends the PDU for `request` to `unit`.

@@ -269,13 +269,20 @@ impl Write for UartLine {
         .await;
         let release = self.shift.has_pin().then(|| {
             critical_section::with(|_| self.hardware.uart.cr1().modify(|control| control.set_tcie(false)));
-            registers::forget_transmitted(self.hardware.uart);
             self.shift.drive(true);
             Release(self.hardware.uart)
         });
         let to = registers::transmit_address(self.hardware.uart);
-        // SAFETY: the channel belongs to this line; dropping the transfer stops it, so it does not outlive `from`.
-        unsafe { self.transmit.write(self.request, from, to, Default::default()) }.await;
+        let transfer = critical_section::with(|_| {
+            // SAFETY: the channel belongs to this line; dropping the transfer stops it, so it does not outlive `from`.
+            let transfer = unsafe { self.transmit.write(self.request, from, to, Default::default()) };
+            if release.is_some() {
+                // Now that the transmitter has a character: of one before, which ended meanwhile, the flag would end this one.
+                registers::forget_transmitted(self.hardware.uart);
+            }
+            transfer
+        });
+        transfer.await;
         match self.is_held {
             true => core::mem::forget(release),
             false => drop(release),

@@ -116,8 +116,8 @@ pub trait SerialLine: Read + Write {
     fn hold_driver(&mut self, _on: bool) {}
 
     /// Lets characters accumulate until `until`, none of which is needed earlier, instead of waking a sleeping program for each of
-    /// them. Returns whether that time has passed; false if reading each character is preferable, or the time is too short.
-    /// Dropping the pending future loses no character.
+    /// them; a board that counts them waits for the next one, too, for a while. Returns whether that time has passed; false if
+    /// reading each character is preferable, or the time is too short. Dropping the pending future loses no character.
     async fn rest(&mut self, _until: Instant) -> bool {
         false
     }

@@ -1,5 +1,6 @@
 //! The board's lines, which ports open by name.
 
+use embassy_futures::select::select;
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::mutex::{Mutex, MutexGuard};
 use embassy_time::{Duration, Instant, Timer};
@@ -24,8 +25,9 @@ pub trait Line: SerialLine {
     }
 }
 
-/// [`SerialLine::rest`]: `set` lets characters accumulate without waking the port, and ends that, also when this is dropped.
-pub async fn rest(until: Instant, set: impl Fn(bool)) -> bool {
+/// [`SerialLine::rest`]: `set` lets characters accumulate without waking the port, and ends that, also when this is dropped. It ends
+/// earlier when `enough` have come.
+pub async fn rest(until: Instant, set: impl Fn(bool), enough: impl Future<Output = ()>) -> bool {
     struct Rest<S: Fn(bool)>(S);
     impl<S: Fn(bool)> Drop for Rest<S> {
         fn drop(&mut self) {
@@ -36,7 +38,7 @@ pub async fn rest(until: Instant, set: impl Fn(bool)) -> bool {
     if rests {
         set(true);
         let _rest = Rest(set);
-        Timer::at(until).await;
+        select(enough, Timer::at(until)).await;
     }
     rests
 }

@@ -33,6 +33,10 @@ use crate::shift::{Hardware, NO_FLAWS, SHIFTS, Shift};
 /// Longest driver enable or disable time of the hardware, in sixteenths of a bit.
 const DRIVER_SIXTEENTHS_MAX: u64 = 31;
 
+/// A rest that waits for another character ends so much after the time of that one, when it does not come. Devices pause for less within
+/// a frame.
+const REST_LATE: Duration = Duration::from_millis(2);
+
 /// Switches the driver off once pending characters have left, even if the write is cancelled.
 struct Release(Usart);
 
@@ -183,9 +187,23 @@ impl Line for UartLine {
 impl SerialLine for UartLine {
     const RESTS: bool = true;
 
-    /// Each character still interrupts, for its flaws.
+    /// Each character still interrupts, for its flaws, and is counted: the first one after `until` ends the rest.
     async fn rest(&mut self, until: Instant) -> bool {
-        lines::rest(until, |rests| self.shift.rest(rests)).await
+        let Some(left) = until.checked_duration_since(Instant::now()) else { return false };
+        let (shift, character) = (self.shift, self.shift.character());
+        // Tasks are late by far less than half a character.
+        let whole = (left + character / 2).as_micros() as u32 / (character.as_micros() as u32).max(1);
+        let needed = shift.unread().saturating_add(whole as u16).saturating_add(1);
+        let enough = poll_fn(|context| {
+            shift.waker.register(context.waker());
+            if shift.has_needed() { Poll::Ready(()) } else { Poll::Pending }
+        });
+        lines::rest(
+            until + 2 * character + REST_LATE,
+            |rests| shift.need(if rests { needed } else { 0 }),
+            enough,
+        )
+        .await
     }
 
     fn take_flaws(&mut self) -> Flaws {

@@ -6,7 +6,7 @@
 //! its own interrupt, from the ring in which DMA has put it.
 
 use core::cell::{Cell, RefCell};
-use core::sync::atomic::{AtomicBool, AtomicU8, AtomicU16, AtomicU32, Ordering};
+use core::sync::atomic::{AtomicU8, AtomicU16, AtomicU32, Ordering};
 
 use critical_section::CriticalSection;
 use embassy_stm32::gpio::Output;
@@ -74,8 +74,8 @@ pub(crate) struct Shift {
     unread: AtomicU16,
     handed: AtomicU16,
     stored: AtomicU16,
-    /// Nobody needs a character now.
-    rests: AtomicBool,
+    /// So many unread characters wake the reader.
+    needed: AtomicU16,
     /// The relay of what this line receives.
     pub(crate) relaying: Relaying,
     outgoing: Shared<Cell<Outgoing>>,
@@ -109,7 +109,7 @@ impl Shift {
             unread: AtomicU16::new(0),
             handed: AtomicU16::new(0),
             stored: AtomicU16::new(0),
-            rests: AtomicBool::new(false),
+            needed: AtomicU16::new(0),
             relaying: Relaying::new(),
             outgoing: Mutex::new(Cell::new(Outgoing { from: None, next: 0, until: 0, newest: 0 })),
             ring: [const { AtomicU8::new(0) }; RING_BYTES],
@@ -159,9 +159,20 @@ impl Shift {
         self.unread.load(Ordering::Relaxed) != self.stored.load(Ordering::Relaxed)
     }
 
-    /// Sets whether nobody needs a character now.
-    pub(crate) fn rest(&self, rests: bool) {
-        self.rests.store(rests, Ordering::Relaxed);
+    /// Characters that `read` has not returned.
+    pub(crate) fn unread(&self) -> u16 {
+        let (unread, stored) = (self.unread.load(Ordering::Relaxed), self.stored.load(Ordering::Relaxed));
+        stored.wrapping_sub(unread) % RING_BYTES as u16
+    }
+
+    /// Whether there are as many unread characters as are [needed](Self::need).
+    pub(crate) fn has_needed(&self) -> bool {
+        self.unread() >= self.needed.load(Ordering::Relaxed)
+    }
+
+    /// Fewer unread characters than these do not wake the reader.
+    pub(crate) fn need(&self, characters: u16) {
+        self.needed.store(characters, Ordering::Relaxed);
     }
 
     /// Whether characters of another line are to be sent.
@@ -224,8 +235,7 @@ impl Shift {
             self.relaying.break_off();
             uart.cr1().modify(|control| control.set_idleie(false));
         }
-        let rests = self.rests.load(Ordering::Relaxed);
-        if self.has_unread() && !rests && !self.relaying.is_withheld(section, number) {
+        if self.has_unread() && self.has_needed() && !self.relaying.is_withheld(section, number) {
             self.waker.wake();
         }
     }

@@ -45,13 +45,9 @@ pub enum AsciiError {
     NoLf(u8),
 }
 
-/// Encodes `unit` and `pdu` into `out`, with `end` ([`LINE_FEED`] by default) as the last character, and returns the part used.
-pub fn encode<'a>(
-    unit: u8,
-    pdu: &[u8],
-    out: &'a mut [u8; FRAME_CHARS_MAX],
-    end: u8,
-) -> Result<&'a [u8], PduLength> {
+/// Encodes `unit` and `pdu` into `out`, which has room for them, with `end` ([`LINE_FEED`] by default) as the last character, and
+/// returns the part used.
+pub fn encode<'a>(unit: u8, pdu: &[u8], out: &'a mut [u8], end: u8) -> Result<&'a [u8], PduLength> {
     let pdu = PduLength::check(pdu)?;
     // The LRC is the negative sum, so the unit can be subtracted afterwards.
     let check = lrc(pdu).wrapping_sub(unit);

@@ -39,8 +39,8 @@ pub enum RtuError {
     },
 }
 
-/// Encodes `unit` and `pdu` into `out` and returns the part used.
-pub fn encode<'a>(unit: u8, pdu: &[u8], out: &'a mut [u8; FRAME_BYTES_MAX]) -> Result<&'a [u8], PduLength> {
+/// Encodes `unit` and `pdu` into `out`, which has room for them, and returns the part used.
+pub fn encode<'a>(unit: u8, pdu: &[u8], out: &'a mut [u8]) -> Result<&'a [u8], PduLength> {
     let pdu = PduLength::check(pdu)?;
     let no_room = PduLength(pdu.len());
     let frame = out.get_mut(..pdu.len() + OVERHEAD_BYTES).ok_or(no_room)?;

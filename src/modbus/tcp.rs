@@ -10,7 +10,7 @@ pub const ADU_BYTES_MAX: usize = 260;
 /// Bytes up to the end of the length field, which counts what follows.
 const PREFIX_BYTES: usize = 6;
 /// Bytes before the PDU.
-const HEADER_BYTES: usize = 7;
+pub(crate) const HEADER_BYTES: usize = 7;
 /// Valid lengths: the unit, and a PDU of 1 to 253 bytes.
 const LENGTH: core::ops::RangeInclusive<u16> = 2..=254;
 
@@ -77,12 +77,8 @@ pub fn parse(buffer: &[u8]) -> Result<Parsed<'_>, MbapError> {
     Ok(Parsed::Frame { header: Header { transaction, unit: *unit }, pdu, consumed })
 }
 
-/// Encodes the frame of `pdu` into `out` and returns the part used.
-pub fn encode<'a>(
-    header: Header,
-    pdu: &[u8],
-    out: &'a mut [u8; ADU_BYTES_MAX],
-) -> Result<&'a [u8], PduLength> {
+/// Encodes the frame of `pdu` into `out`, which has room for it, and returns the part used.
+pub fn encode<'a>(header: Header, pdu: &[u8], out: &'a mut [u8]) -> Result<&'a [u8], PduLength> {
     let pdu = PduLength::check(pdu)?;
     let [transaction_high, transaction_low] = header.transaction.to_be_bytes();
     let [length_high, length_low] = (pdu.len() as u16 + 1).to_be_bytes();

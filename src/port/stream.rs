@@ -1,7 +1,6 @@
 //! Byte streams over TCP: splits what a client sends into requests, and encodes responses, by Modbus TCP or RTU over TCP.
 
 use embassy_time::{Duration, Instant};
-use heapless::Vec;
 
 use crate::modbus::PduLength;
 use crate::modbus::rtu::{self, Cut};
@@ -19,14 +18,15 @@ const PIECE_BYTES: usize = if cfg!(feature = "small") { 64 } else { ADU_BYTES_MA
 
 /// An outgoing frame, encoded piece by piece.
 pub(crate) struct Pieces {
-    piece: Vec<u8, PIECE_BYTES>,
+    piece: [u8; PIECE_BYTES],
+    length: usize,
     given: usize,
 }
 
 impl Pieces {
     /// No piece has been taken.
     pub(crate) const fn new() -> Self {
-        Self { piece: Vec::new(), given: 0 }
+        Self { piece: [0; PIECE_BYTES], length: 0, given: 0 }
     }
 
     /// Whether no piece has been taken yet.
@@ -42,26 +42,34 @@ impl Pieces {
         pdu: &[u8],
         begins: impl FnOnce(&[u8]),
     ) {
-        let mut frame = [0; ADU_BYTES_MAX];
-        let frame = encode(framing, header, pdu, &mut frame).unwrap_or(&[]);
-        if self.is_new() {
+        // Most frames, of either framing, are short: one piece, without a copy.
+        if tcp::HEADER_BYTES + pdu.len() < PIECE_BYTES {
+            let frame = encode(framing, header, pdu, &mut self.piece).unwrap_or(&[]);
             begins(frame);
+            self.length = frame.len();
+        } else {
+            let mut frame = [0; ADU_BYTES_MAX];
+            let frame = encode(framing, header, pdu, &mut frame).unwrap_or(&[]);
+            if self.is_new() {
+                begins(frame);
+            }
+            let rest = frame.get(self.given..).unwrap_or(&[]);
+            self.length = rest.len().min(PIECE_BYTES);
+            if let (Some(to), Some(from)) = (self.piece.get_mut(..self.length), rest.get(..self.length)) {
+                to.copy_from_slice(from);
+            }
         }
-        let rest = frame.get(self.given..).unwrap_or(&[]);
-        self.piece.clear();
-        // Fits: sized for a piece.
-        let _ = self.piece.extend_from_slice(rest.get(..PIECE_BYTES).unwrap_or(rest));
-        self.given += self.piece.len();
+        self.given += self.length;
     }
 
     /// The current piece.
     pub(crate) fn piece(&self) -> &[u8] {
-        &self.piece
+        self.piece.get(..self.length).unwrap_or(&[])
     }
 
     /// Whether more may follow.
     pub(crate) fn goes_on(&self) -> bool {
-        self.piece.is_full()
+        self.length == PIECE_BYTES
     }
 }
 
@@ -152,14 +160,10 @@ fn encode<'a>(
     framing: StreamFraming,
     header: Header,
     response: &[u8],
-    out: &'a mut [u8; ADU_BYTES_MAX],
+    out: &'a mut [u8],
 ) -> Result<&'a [u8], PduLength> {
     match framing {
         StreamFraming::Mbap => tcp::encode(header, response, out),
-        StreamFraming::Rtu | StreamFraming::Capture => match out.first_chunk_mut() {
-            Some(out) => rtu::encode(header.unit, response, out),
-            // An RTU frame is shorter than the longest TCP frame.
-            None => Ok(&[]),
-        },
+        StreamFraming::Rtu | StreamFraming::Capture => rtu::encode(header.unit, response, out),
     }
 }

@@ -141,7 +141,7 @@ impl Policy {
 
     /// Whether the policy depends on the function.
     fn looks_at_functions(&self) -> bool {
-        self.functions != Functions::ALL || self.urgent != Functions::NONE
+        !self.functions.is(&Functions::ALL) || !self.urgent.is(&Functions::NONE)
     }
 
     /// Whether the policy is the same for all requests.

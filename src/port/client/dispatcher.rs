@@ -22,8 +22,7 @@ mod proof;
 use core::cell::{Cell, RefCell, RefMut};
 
 use embassy_futures::select::{Either, select};
-use embassy_sync::blocking_mutex::raw::NoopRawMutex;
-use embassy_sync::signal::Signal;
+use embassy_sync::waitqueue::WakerRegistration;
 use embassy_time::Instant;
 use heapless::Vec;
 
@@ -70,8 +69,10 @@ pub(crate) struct Dispatcher<'g> {
     writes_ended: Cell<u16>,
     /// Time of the last sweep, as the low bits of the clock's milliseconds.
     swept: Cell<u16>,
-    /// Per connection: signals that a request arrived or a unit's state changed.
-    changed: [Signal<NoopRawMutex, ()>; CONNECTIONS_MAX],
+    /// Per connection: whether a request arrived or a unit's state changed.
+    changed: [Cell<bool>; CONNECTIONS_MAX],
+    /// The port's task, where a connection has to be told of a change by one that is polled later.
+    task: RefCell<WakerRegistration>,
     /// Responses carry transaction ids.
     transaction_ids: bool,
     /// Per connection: the proof to send before the request served last.
@@ -119,7 +120,8 @@ impl<'g> Dispatcher<'g> {
             cache: RefCell::new(Cache::new()),
             writes_ended: Cell::new(0),
             swept: Cell::new(0),
-            changed: [const { Signal::new() }; CONNECTIONS_MAX],
+            changed: [const { Cell::new(false) }; CONNECTIONS_MAX],
+            task: RefCell::new(WakerRegistration::new()),
             transaction_ids,
             proofs: [const { Cell::new(None) }; CONNECTIONS_MAX],
         }
@@ -163,7 +165,7 @@ impl<'g> Dispatcher<'g> {
         self.servers.borrow_mut()
     }
 
-    /// Receives requests forever, and drops those that expired or whose requester is gone.
+    /// Receives requests forever, and drops those that expired or whose requester is gone. To be polled before the connections.
     pub(crate) async fn receive_requests(&self) {
         loop {
             let deadline = self.queue().first_deadline().unwrap_or(Instant::MAX);

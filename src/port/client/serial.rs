@@ -11,6 +11,7 @@ use embassy_time::{Duration, Instant};
 use crate::frame::{Cause, Fill, Frame, ReplyTo};
 use crate::gateway::direct_request::Failure;
 use crate::hal::{SerialHost, SerialLine};
+use crate::modbus::Pdu;
 use crate::modbus::pdu::EXCEPTION_BIT;
 use crate::port::client::dispatcher::Dispatcher;
 use crate::port::client::queue::{BROADCAST, Next};
@@ -120,17 +121,19 @@ async fn transact<'g, L: SerialLine>(
         dispatcher.done_without_response(&frame);
         return Ok(());
     }
-    // The response overwrites the request in the frame.
-    let request = &dispatcher.request(&frame);
+    // The response overwrites the request in the frame. It is copied in place: a buffer that is returned is copied as a whole.
+    let mut request = Pdu::new();
+    // Fits: no longer than a PDU may be.
+    dispatcher.with_request(&frame, |pdu| request.extend_from_slice(pdu).unwrap_or_default());
     let outcome = match sent {
-        Ok(()) => transaction.receive(&mut IncomingResponse::new(dispatcher, &frame, unit, request)).await?,
+        Ok(()) => transaction.receive(&mut IncomingResponse::new(dispatcher, &frame, unit, &request)).await?,
         Err(Collision) => Err(Failure::Collision),
     };
     if proving {
         proved(dispatcher, client, &frame, unit, outcome);
         return Ok(());
     }
-    answered(dispatcher, client, &frame, unit, request, outcome);
+    answered(dispatcher, client, &frame, unit, &request, outcome);
     Ok(())
 }
 

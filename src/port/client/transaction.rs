@@ -9,6 +9,7 @@
 
 use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Instant, Timer};
+use heapless::Vec;
 
 use crate::capture::Tap;
 use crate::frame::Frame;
@@ -198,13 +199,18 @@ impl<'s, L: SerialLine> SerialTransaction<'s, L> {
         self.decoder.clear();
         // The future of an `async fn` would store its arguments twice.
         async move {
-            let mut frame = [0; FRAME_CHARS_MAX];
-            let length = dispatcher.with_request(request, |request| {
-                self.settings.framing.encode(unit, request, LINE_FEED, &mut frame).map_or(0, <[u8]>::len)
+            let mut frame = Vec::<u8, FRAME_CHARS_MAX>::new();
+            let is_encoded = dispatcher.with_request(request, |request| {
+                let framing = self.settings.framing;
+                // No longer than it must be: most requests are short.
+                frame.resize_default(framing.chars_of(request.len())).is_ok()
+                    && framing.encode(unit, request, LINE_FEED, &mut frame).is_ok()
             });
-            let frame = frame.get(..length).filter(|frame| !frame.is_empty()).ok_or(LineLost)?;
-            let sent = self.line.send(frame).await;
-            self.tap.sent(self.line.active, Event::Request, frame);
+            if !is_encoded {
+                return Err(LineLost);
+            }
+            let sent = self.line.send(&frame).await;
+            self.tap.sent(self.line.active, Event::Request, &frame);
             if sent == Ok(Err(Collision)) {
                 self.line.clear();
             }

@@ -11,17 +11,16 @@ pub(crate) const FRAME_CHARS_MAX: usize = ascii::FRAME_CHARS_MAX;
 const ASCII_SILENCE: Duration = Duration::from_secs(1);
 
 impl Framing {
-    /// Encodes a frame of `unit` and `pdu`; an ASCII frame ends with `delimiter`.
+    /// Encodes a frame of `unit` and `pdu` into `out`, which has room for it; an ASCII frame ends with `delimiter`.
     pub(crate) fn encode<'a>(
         self,
         unit: u8,
         pdu: &[u8],
         delimiter: u8,
-        out: &'a mut [u8; FRAME_CHARS_MAX],
+        out: &'a mut [u8],
     ) -> Result<&'a [u8], PduLength> {
         match self {
-            // Sized for ASCII frames, which are longer.
-            Self::Rtu => rtu::encode(unit, pdu, out.first_chunk_mut().ok_or(PduLength(pdu.len()))?),
+            Self::Rtu => rtu::encode(unit, pdu, out),
             Self::Ascii => ascii::encode(unit, pdu, out, delimiter),
         }
     }

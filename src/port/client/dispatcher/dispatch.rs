@@ -1,6 +1,10 @@
 //! Assigns the port's connections to servers: a free connection takes the server of the next request, and when all are taken the
 //! least needed is closed.
 
+use core::cell::Cell;
+use core::future::poll_fn;
+use core::task::Poll;
+
 use embassy_futures::select::select;
 use embassy_time::Instant;
 
@@ -21,18 +25,25 @@ impl<'g> Dispatcher<'g> {
 
     /// Waits until [`Dispatcher::next`] or [`Dispatcher::chosen`] may return something new for `connection`.
     pub(crate) async fn changed(&self, connection: u8) {
-        match self.changed.get(usize::from(connection)) {
-            Some(changed) => changed.wait().await,
-            None => core::future::pending().await,
-        }
+        poll_fn(|context| {
+            if self.changed.get(usize::from(connection)).is_some_and(Cell::take) {
+                return Poll::Ready(());
+            }
+            if CONNECTIONS_MAX > 1 {
+                self.task.borrow_mut().register(context.waker());
+            }
+            Poll::Pending
+        })
+        .await
     }
 
-    /// Wakes the connection that has the server of `unit`, or all connections if none has it.
+    /// Tells the connection that has the server of `unit`, or all connections if none has it. They are polled next, so the task,
+    /// which is the caller's own, is not woken for them.
     pub(super) fn notify(&self, unit: u8) {
         let connection = if self.has_one_connection() { Some(0) } else { self.servers().connection(unit) };
         match connection.and_then(|connection| self.changed.get(usize::from(connection))) {
-            Some(changed) => changed.signal(()),
-            None => self.changed.iter().for_each(|changed| changed.signal(())),
+            Some(changed) => changed.set(true),
+            None => self.changed.iter().for_each(|changed| changed.set(true)),
         }
     }
 

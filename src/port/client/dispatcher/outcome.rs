@@ -15,14 +15,14 @@ use crate::stats::Event;
 impl<'g> Dispatcher<'g> {
     /// Completes `request` with the response in its frame, also for the requests merged into it.
     pub(crate) fn done(&self, request: &Frame<'g>) {
-        let Some((frame, transaction)) = self.end_transaction(request) else { return };
-        if request.function() & EXCEPTION_BIT != 0 && transaction.split(request) {
+        let Some(frame) = self.end_transaction(request) else { return };
+        if request.function() & EXCEPTION_BIT != 0 && frame.transaction().split(request) {
             return self.split(frame);
         }
         if request.sharing().cache_ms == 0 && !request.has_merged() {
             return self.deliver(frame);
         }
-        let response = &request.content();
+        let (response, transaction) = (&request.content(), request.transaction());
         let deliver = |frame: Frame<'g>, asked| {
             let mut part = [0; PDU_BYTES_MAX];
             let response = transaction.response_to(asked, response, &mut part);
@@ -96,7 +96,7 @@ impl<'g> Dispatcher<'g> {
 
     /// Completes a broadcast, which has no response.
     pub(crate) fn done_without_response(&self, request: &Frame<'g>) {
-        if let Some((frame, _)) = self.end_transaction(request) {
+        if let Some(frame) = self.end_transaction(request) {
             self.gateway.finish_broadcast(frame);
         }
     }
@@ -107,8 +107,8 @@ impl<'g> Dispatcher<'g> {
     /// Writes are never repeated, since they may have been executed. A repeat queues like any other request, until a late response
     /// can no longer arrive.
     pub(crate) fn failed(&self, request: &Frame<'g>, retries: u8) {
-        let Some((frame, transaction)) = self.end_transaction(request) else { return };
-        transaction.split(&frame);
+        let Some(frame) = self.end_transaction(request) else { return };
+        frame.transaction().split(&frame);
         let mut repeated = self.retry(frame, retries);
         let cause = request.read(|envelope| envelope.cause);
         while let Some(merged) = request.take_merged() {
@@ -120,21 +120,21 @@ impl<'g> Dispatcher<'g> {
         }
     }
 
-    /// Ends the transaction of `request` and returns its state.
-    pub(super) fn end_transaction(&self, request: &Frame<'g>) -> Option<(Frame<'g>, Transaction)> {
+    /// Ends the transaction of `request`, whose state stays in the frame, and returns the handle that was kept of it.
+    pub(super) fn end_transaction(&self, request: &Frame<'g>) -> Option<Frame<'g>> {
         let mut current = self.current();
         let at = current.iter().position(|current| current.is(request))?;
         if CONNECTIONS_MAX > 1 && current.is_full() {
             // Connections may have been waiting for room.
-            self.changed.iter().for_each(|changed| changed.signal(()));
+            self.changed.iter().for_each(|changed| changed.set(true));
+            self.task.borrow_mut().wake();
         }
         let ended = current.swap_remove(at);
-        let transaction = ended.transaction();
-        if transaction.writes {
+        if ended.transaction().writes {
             self.writes_ended.set(self.writes_ended.get().wrapping_add(1));
             self.cache().written(request.target());
         }
-        Some((ended, transaction))
+        Some(ended)
     }
 
     /// Requeues a request that got no response, or answers it 0Bh; returns whether it was requeued.

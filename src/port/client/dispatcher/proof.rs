@@ -48,8 +48,8 @@ impl<'g> Dispatcher<'g> {
 
     /// Queues `request` and the requests merged into it again, separately.
     pub(crate) fn requeue(&self, request: &Frame<'g>) {
-        let Some((frame, transaction)) = self.end_transaction(request) else { return };
-        transaction.split(&frame);
+        let Some(frame) = self.end_transaction(request) else { return };
+        frame.transaction().split(&frame);
         self.postpone_each(frame);
     }
 

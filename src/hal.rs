@@ -116,9 +116,15 @@ pub trait SerialLine: Read + Write {
     fn hold_driver(&mut self, _on: bool) {}
 
     /// Lets characters accumulate until `until`, none of which is needed earlier, instead of waking a sleeping program for each of
-    /// them; a board that counts them waits for the next one, too, for a while. Returns whether that time has passed; false if
-    /// reading each character is preferable, or the time is too short. Dropping the pending future loses no character.
+    /// them. Returns whether that time has passed; false if reading each character is preferable, or the time is too short.
+    /// Dropping the pending future loses no character.
     async fn rest(&mut self, _until: Instant) -> bool {
+        false
+    }
+
+    /// Lets the next [`read`](Read::read) return when so many characters are there, instead of with the first; 1 ends that. For boards
+    /// that count characters in their interrupts. Returns whether this one does.
+    fn gather(&mut self, _characters: usize) -> bool {
         false
     }
 

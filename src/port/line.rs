@@ -175,8 +175,18 @@ impl<'s, L: SerialLine> Line<'s, L> {
         }
     }
 
+    /// Lets the next read wait for `characters`; 1 ends that. Returns whether the board does it.
+    pub(crate) fn gather(&mut self, characters: usize) -> bool {
+        self.io.gather(characters)
+    }
+
+    /// Rests until all but the last of `characters` that are missing should have come. That one is awaited by reading: a sleep until it
+    /// is due would end slightly late.
+    pub(crate) fn rest_before(&mut self, characters: usize) -> impl Future<Output = bool> {
+        self.rest(self.begun + self.settings.chars(self.length + characters - 1))
+    }
+
     /// Lets characters accumulate until `until`, if the board prefers that to reading each one. Returns whether that time has
-    /// passed without a read.
     /// passed without a read.
     pub(crate) fn rest(&mut self, until: Instant) -> impl Future<Output = bool> {
         self.io.rest(until)

@@ -1,6 +1,5 @@
 //! The board's lines, which ports open by name.
 
-use embassy_futures::select::select;
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::mutex::{Mutex, MutexGuard};
 use embassy_time::{Duration, Instant, Timer};
@@ -25,9 +24,8 @@ pub trait Line: SerialLine {
     }
 }
 
-/// [`SerialLine::rest`]: `set` lets characters accumulate without waking the port, and ends that, also when this is dropped. It ends
-/// earlier when `enough` have come.
-pub async fn rest(until: Instant, set: impl Fn(bool), enough: impl Future<Output = ()>) -> bool {
+/// [`SerialLine::rest`]: `set` lets characters accumulate without waking the port, and ends that, also when this is dropped.
+pub async fn rest(until: Instant, set: impl Fn(bool)) -> bool {
     struct Rest<S: Fn(bool)>(S);
     impl<S: Fn(bool)> Drop for Rest<S> {
         fn drop(&mut self) {
@@ -38,7 +36,7 @@ pub async fn rest(until: Instant, set: impl Fn(bool), enough: impl Future<Output
     if rests {
         set(true);
         let _rest = Rest(set);
-        select(enough, Timer::at(until)).await;
+        Timer::at(until).await;
     }
     rests
 }
@@ -99,6 +97,10 @@ impl<L: Line> SerialLine for OpenLine<L> {
 
     async fn rest(&mut self, until: Instant) -> bool {
         self.0.rest(until).await
+    }
+
+    fn gather(&mut self, characters: usize) -> bool {
+        self.0.gather(characters)
     }
 
     fn take_flaws(&mut self) -> Flaws {

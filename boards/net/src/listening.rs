@@ -8,7 +8,7 @@ use heapless::Vec;
 
 /// Sockets that listen on one TCP port. One that receives a SYN listens no longer, and another does at once: so many SYNs are
 /// accepted within one poll of the stack.
-const BACKLOG: usize = 4;
+const BACKLOG: usize = 3;
 
 /// The TCP ports that `N` sockets listen on, and who waits to listen.
 pub(crate) struct Listening<const N: usize> {

@@ -6,7 +6,7 @@
 //! Receiving: the PIO raises an interrupt for every character, which wakes the port's task unless it rests, and DMA has stored it by then, also
 //! while the program stands still because the flash is erased.
 
-use core::future::{pending, poll_fn};
+use core::future::poll_fn;
 use core::mem::forget;
 use core::sync::atomic::{AtomicBool, Ordering};
 use core::task::Poll;
@@ -285,7 +285,7 @@ impl SerialLine for PioLine {
     const RESTS: bool = true;
 
     async fn rest(&mut self, until: Instant) -> bool {
-        lines::rest(until, |rests| self.reader.rests.store(rests, Ordering::Relaxed), pending()).await
+        lines::rest(until, |rests| self.reader.rests.store(rests, Ordering::Relaxed)).await
     }
 
     fn take_flaws(&mut self) -> Flaws {

@@ -1,6 +1,6 @@
 //! An RS-485 line on a UART: DMA receives into a ring buffer and transmits from the caller's buffer.
 //!
-//! Receiving: every character raises an interrupt that wakes the port's task unless it rests, and DMA stores it.
+//! Receiving: every character raises an interrupt that wakes the port's task unless more are gathered, and DMA stores it.
 //! Neither of embassy-stm32's receive paths is used. Its `BufferedUart` takes characters by interrupt, which loses them while the
 //! chip stalls for a flash erase, and on the F4 it clears flags in a way that can lose one. Its ring buffer stops at a framing error
 //! and discards unread data, and framing errors are common where a driver releases the bus. Here a damaged character stays in the
@@ -21,21 +21,17 @@ use embassy_stm32::mode::Blocking;
 use embassy_stm32::pac::dma::St;
 use embassy_stm32::pac::usart::Usart;
 use embassy_stm32::usart::{Config, ConfigError, DataBits, Instance, Parity, RxDma, StopBits, TxDma, Uart};
-use embassy_time::{Duration, Instant};
+use embassy_time::Duration;
 use embedded_io_async::{ErrorKind, ErrorType, Read, Write};
 use mobgate::hal::{Flaws, OpenError, OpenErrorKind, Relay, SerialLine};
 use mobgate::settings::{Driver, LineSettings, Parity as WireParity};
-use mobgate_firmware::lines::{self, Line};
+use mobgate_firmware::lines::Line;
 
 use crate::registers;
 use crate::shift::{Hardware, NO_FLAWS, SHIFTS, Shift};
 
 /// Longest driver enable or disable time of the hardware, in sixteenths of a bit.
 const DRIVER_SIXTEENTHS_MAX: u64 = 31;
-
-/// A rest that waits for another character ends so much after the time of that one, when it does not come. Devices pause for less within
-/// a frame.
-const REST_LATE: Duration = Duration::from_millis(2);
 
 /// Switches the driver off once pending characters have left, even if the write is cancelled.
 struct Release(Usart);
@@ -174,6 +170,7 @@ impl Line for UartLine {
         self.setup.set_config(&config(line)).map_err(|_| unsupported("speed or character format"))?;
         registers::complete_setup(self.hardware.uart, before as u8, after as u8);
         self.shift.configure(line.chars(1));
+        self.shift.need(1);
         self.clear();
         self.take_flaws();
         Ok(())
@@ -185,25 +182,10 @@ impl Line for UartLine {
 }
 
 impl SerialLine for UartLine {
-    const RESTS: bool = true;
-
-    /// Each character still interrupts, for its flaws, and is counted: the first one after `until` ends the rest.
-    async fn rest(&mut self, until: Instant) -> bool {
-        let Some(left) = until.checked_duration_since(Instant::now()) else { return false };
-        let (shift, character) = (self.shift, self.shift.character());
-        // Tasks are late by far less than half a character.
-        let whole = (left + character / 2).as_micros() as u32 / (character.as_micros() as u32).max(1);
-        let needed = shift.unread().saturating_add(whole as u16).saturating_add(1);
-        let enough = poll_fn(|context| {
-            shift.waker.register(context.waker());
-            if shift.has_needed() { Poll::Ready(()) } else { Poll::Pending }
-        });
-        lines::rest(
-            until + 2 * character + REST_LATE,
-            |rests| shift.need(if rests { needed } else { 0 }),
-            enough,
-        )
-        .await
+    /// Each character still interrupts, for its flaws.
+    fn gather(&mut self, characters: usize) -> bool {
+        self.shift.need(characters as u16);
+        true
     }
 
     fn take_flaws(&mut self) -> Flaws {
@@ -247,9 +229,10 @@ impl Read for UartLine {
                 return Poll::Pending;
             }
             // The interrupt has counted each character. The ring's own look at the DMA takes a hundred instructions.
-            if !self.shift.has_unread() {
+            if !self.shift.has_needed() {
                 return Poll::Pending;
             }
+            self.shift.need(1);
             loop {
                 match self.ring.read(into) {
                     Ok((0, _)) => return Poll::Pending,

@@ -159,15 +159,11 @@ impl Shift {
         self.unread.load(Ordering::Relaxed) != self.stored.load(Ordering::Relaxed)
     }
 
-    /// Characters that `read` has not returned.
-    pub(crate) fn unread(&self) -> u16 {
-        let (unread, stored) = (self.unread.load(Ordering::Relaxed), self.stored.load(Ordering::Relaxed));
-        stored.wrapping_sub(unread) % RING_BYTES as u16
-    }
-
     /// Whether there are as many unread characters as are [needed](Self::need).
     pub(crate) fn has_needed(&self) -> bool {
-        self.unread() >= self.needed.load(Ordering::Relaxed)
+        let (unread, stored) = (self.unread.load(Ordering::Relaxed), self.stored.load(Ordering::Relaxed));
+        let count = stored.wrapping_sub(unread) % RING_BYTES as u16;
+        count > 0 && count >= self.needed.load(Ordering::Relaxed)
     }
 
     /// Fewer unread characters than these do not wake the reader.
@@ -235,7 +231,7 @@ impl Shift {
             self.relaying.break_off();
             uart.cr1().modify(|control| control.set_idleie(false));
         }
-        if self.has_unread() && self.has_needed() && !self.relaying.is_withheld(section, number) {
+        if self.has_needed() && !self.relaying.is_withheld(section, number) {
             self.waker.wake();
         }
     }

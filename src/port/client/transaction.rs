@@ -4,8 +4,11 @@
 //! (Modbus over Serial Line 2.5.1.1); an ASCII response is delimited. Frames that do not match the request leave the response
 //! timer running. The time the request takes on the wire does not count as response time.
 //!
-//! Where the board prefers it, reading pauses as soon as the first characters give a minimum length, and resumes when the last of
-//! those is due: the sleeping program then wakes only once for all of them.
+//! As soon as the first characters give a minimum length, those of it that are missing are needed together. A board that counts
+//! characters wakes the program with the last of them, also with that of the shortest response; where a board prefers it, reading
+//! pauses until the last one is due.
+
+use core::mem;
 
 use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Instant, Timer};
@@ -139,43 +142,45 @@ impl<'s, L: SerialLine> SerialTransaction<'s, L> {
         // A frame that began in time is received to its end, but a babbling line is not read forever.
         let longest = self.line.settings.chars(self.settings.framing.chars_max());
         let end = deadline + longest + self.silence;
+        // Characters that come too late to be gathered are read as they are.
+        let mut is_late = false;
         // The echo of the request may have been read together with the start of the response.
         let mut found =
             if self.line.received().is_empty() { Found::Nothing } else { self.match_response(incoming) };
         let outcome = loop {
             match found {
-                Found::Nothing => {}
                 Found::Response => break Ok(()),
                 Found::Corrupt(error) => break Err(Failure::Corrupt(error)),
-                Found::Other => {
-                    if !self.line.received().is_empty() {
-                        found = self.match_response(incoming);
-                        continue;
-                    }
+                Found::Other if !self.line.received().is_empty() => {
+                    found = self.match_response(incoming);
+                    continue;
                 }
+                Found::Nothing | Found::Other => {}
             }
             let has_begun = self.has_begun();
+            let missing = if mem::take(&mut is_late) { None } else { self.missing(incoming) };
+            let gathered = missing.filter(|count| self.line.gather(*count));
             // A start before the end of the request is impossible on a wire, but not on a PTY, which delivers at once.
             if L::RESTS
-                && has_begun
-                && self.line.begun() >= sent
-                && let Some(due) = self.due(incoming)
-                && self.line.rest(due).await
+                && gathered.is_none()
+                && let Some(count) = missing.filter(|_| has_begun && self.line.begun() >= sent)
+                && self.line.rest_before(count).await
             {
                 // Unread characters do not count as silence.
                 self.line.active = self.line.active.max(Instant::now());
             }
-            let over = match has_begun {
-                true => end.min(self.line.quiet_at(self.silence)),
-                false => deadline,
-            };
+            let over = if has_begun { end.min(self.quiet_at(gathered)) } else { deadline };
             found = match select(self.line.read(), until(over.min(incoming.due()))).await {
-                Either::Second(()) if self.line.is_relayed() && Instant::now() < end => Found::Nothing,
                 Either::First(read) => {
                     read?;
                     self.pauses |= self.decoder.in_frame() && self.line.pauses();
                     self.match_response(incoming)
                 }
+                Either::Second(()) if gathered.is_some() => {
+                    is_late = self.line.gather(1);
+                    Found::Nothing
+                }
+                Either::Second(()) if self.line.is_relayed() && Instant::now() < end => Found::Nothing,
                 Either::Second(()) if Instant::now() < over => self.match_response(incoming),
                 Either::Second(()) if has_begun => self.match_at_silence(incoming),
                 Either::Second(()) => break Err(Failure::Timeout),
@@ -187,6 +192,11 @@ impl<'s, L: SerialLine> SerialTransaction<'s, L> {
             self.line.active = self.line.active.max(sent);
         }
         Ok(outcome.map(|()| self.line.active.saturating_duration_since(sent)))
+    }
+
+    /// When silence may have ended the frame; so many characters are `gathered` first.
+    fn quiet_at(&self, gathered: Option<usize>) -> Instant {
+        self.line.quiet_at(self.silence + self.line.settings.chars(gathered.unwrap_or(0)))
     }
 
     /// Sends the PDU for `request` to `unit`.

@@ -192,13 +192,14 @@ impl Server<'_, '_> {
                         let kept = matches!(waits, Waits::ForTurn(_));
                         let idle_until = if kept { Instant::MAX } else { self.idle_until() };
                         let wake = until(idle_until.min(pause_end));
-                        match select4(read, responses, self.connection.leave.wait(), wake).await {
-                            Either4::First(Ok(0) | Err(_)) => return Err(End::Left),
-                            Either4::First(Ok(count)) => {
+                        // Responses first: a read that finds nothing takes its time, and wakes a board's network stack.
+                        match select4(responses, read, self.connection.leave.wait(), wake).await {
+                            Either4::First(frame) => Response::Response(frame),
+                            Either4::Second(Ok(0) | Err(_)) => return Err(End::Left),
+                            Either4::Second(Ok(count)) => {
                                 input.grew(count);
                                 continue;
                             }
-                            Either4::Second(frame) => Response::Response(frame),
                             Either4::Third(()) => return Err(End::Crowded),
                             Either4::Fourth(()) if idle_until <= Instant::now() => return Err(End::Stalled),
                             Either4::Fourth(()) => continue,

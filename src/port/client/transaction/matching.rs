@@ -146,22 +146,23 @@ impl<L: SerialLine> SerialTransaction<'_, L> {
         self.other(unit, judged.err().unwrap_or(Event::Misfit))
     }
 
-    /// When all but the last character of the shortest possible response should have arrived. The last one is awaited by reading: a
-    /// sleep until it is due would end slightly late.
-    pub(super) fn due(&self, incoming: &IncomingResponse<'_, '_>) -> Option<Instant> {
-        let (Framing::Rtu, false, Some((&unit, so_far))) =
-            (self.settings.framing, incoming.is_passed_on(), self.line.received().split_first())
-        else {
+    /// Characters that are missing of the shortest possible response, if none of them is needed before the last.
+    pub(super) fn missing(&self, incoming: &IncomingResponse<'_, '_>) -> Option<usize> {
+        if self.settings.framing != Framing::Rtu || incoming.is_passed_on() {
             return None;
+        }
+        let received = self.line.received();
+        let pdu_bytes = match received.split_first() {
+            None => EXCEPTION_BYTES,
+            Some((&unit, _)) if unit != incoming.unit() => return None,
+            Some((_, so_far)) => match pdu::response_end(incoming.request(), so_far) {
+                End::At(length) => length,
+                // It may still be an exception.
+                End::Later => EXCEPTION_BYTES.max(so_far.len() + 1),
+                End::Unknown => return None,
+            },
         };
-        let pdu_bytes = match pdu::response_end(incoming.request(), so_far) {
-            _ if unit != incoming.unit() => return None,
-            End::At(length) => length,
-            // It may still be an exception.
-            End::Later => EXCEPTION_BYTES.max(so_far.len() + 1),
-            End::Unknown => return None,
-        };
-        Some(self.line.begun() + self.line.settings.chars(pdu_bytes + rtu::OVERHEAD_BYTES - 1))
+        (pdu_bytes + rtu::OVERHEAD_BYTES).checked_sub(received.len()).filter(|count| *count > 0)
     }
 
     /// Forwards what has been received of a frame, if cut-through is on. Read latency counts as jitter, so that the sender never

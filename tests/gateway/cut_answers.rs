@@ -194,11 +194,10 @@ fn who_shares_an_answer_that_began_wrongly_is_given_no_part_of_it() {
 
 #[test]
 fn a_board_sleeps_while_an_answer_gathers_unless_it_is_passed_on_meanwhile() {
-    let reads = |cut: &str| {
+    let reads = |size, cut: &str| {
         let settings = format!(
             "port S serial up rtu server 19200\nport C serial down rtu client 9600\nroute S * * * C cut {cut}\n"
         );
-        let size = Size { rests: Duration::from_millis(50), ..Size::default() };
         rig::with_gateway_of(size, 1, &settings, |world: &mut World<'_>, rig| {
             rig.attach(world, "down", [Device::new(5)]);
             world.run_for(Duration::from_secs(1));
@@ -207,9 +206,40 @@ fn a_board_sleeps_while_an_answer_gathers_unless_it_is_passed_on_meanwhile() {
             rig.sent("down").reads
         })
     };
-    let (stored, passed_on) = (reads("off"), reads("on"));
-    assert!(stored <= 4, "{stored} reads of 25 characters");
-    assert!(passed_on > stored, "{passed_on} reads");
+    let rests = Size { rests: Duration::from_millis(50), ..Size::default() };
+    let gathers = Size { gathers: true, ..Size::default() };
+    // A board that counts characters reads neither the first nor the last one alone.
+    for (size, most) in [(rests, 4), (gathers, 2)] {
+        let (stored, passed_on) = (reads(size, "off"), reads(size, "on"));
+        assert!(stored <= most, "{stored} reads of 25 characters");
+        assert!(passed_on > stored, "{passed_on} reads");
+    }
+}
+
+#[test]
+fn of_an_answer_that_breaks_off_a_board_reads_what_it_has_gathered() {
+    let settings = "
+port P502 tcp server 502
+port C serial down rtu client 9600 timeout 100ms down-after 0 retries 0
+route P502 * * * C
+";
+    let told = |length, gathers| {
+        let size = Size { gathers, ..Size::default() };
+        rig::with_gateway_of(size, 1, settings, |world: &mut World<'_>, rig| {
+            let faults = Faults::new(7).with(When::Chance(0.5), Fault::CutTo(length));
+            rig.attach(world, "down", [Device::new(5).with_faults(faults)]);
+            let mut client = rig.client(machine(1), 502);
+            let answers: Vec<_> =
+                (0..20).map(|_| world.run_until(client.request(5, &[3, 0, 0, 0, 1]))).collect();
+            let events = [Event::Response, Event::Corrupt, Event::Short, Event::Noise, Event::Timeout];
+            (answers, events.map(|event| rig.counted("C", event)))
+        })
+    };
+    for length in 1..7 {
+        let (answers, events) = told(length, true);
+        assert!((1..20).contains(&events[0]), "{length}: {events:?}");
+        assert_eq!((answers, events), told(length, false), "{length}: as a board that reads each character");
+    }
 }
 
 #[test]

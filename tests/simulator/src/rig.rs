@@ -38,6 +38,8 @@ pub struct Size {
     pub late_reads: Duration,
     /// How late it reads at most because it leaves its lines alone while characters gather.
     pub rests: Duration,
+    /// Whether its interrupts count characters, so that it reads those that it needs together.
+    pub gathers: bool,
     /// How long it takes to open a serial line.
     pub opening: Duration,
     /// Makes its EtherCAT side.
@@ -48,7 +50,8 @@ impl Default for Size {
     /// 80 connections, 128 frames, every character read as it comes, lines opened at once, images of 512 bytes.
     fn default() -> Self {
         let [late_reads, rests, opening] = [Duration::from_ticks(0); 3];
-        Self { frames: 128, connections: 80, late_reads, rests, opening, ethercat: EthercatState::new }
+        let ethercat = EthercatState::new;
+        Self { frames: 128, connections: 80, late_reads, rests, gathers: false, opening, ethercat }
     }
 }
 
@@ -161,9 +164,9 @@ impl<'g> Rig<'g> {
     fn start(&self, world: &World<'g>, size: Size) {
         let gateway = self.gateway;
         world.spawn(gateway.route());
-        let Size { late_reads, rests, opening, .. } = size;
+        let Size { late_reads, rests, gathers, opening, .. } = size;
         let devices = self.lines.iter().map(|line| (line.device.clone(), line.end.clone())).collect();
-        let board = SimSerial { devices, late_reads, rests, opening };
+        let board = SimSerial { devices, late_reads, rests, gathers, opening };
         for port in 0..PORTS_MAX {
             let mut host = board.clone();
             let (connector, mut datagrams) = (self.network.connector(), self.network.udp_host());

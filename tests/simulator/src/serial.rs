@@ -17,6 +17,8 @@ pub struct SimSerial {
     /// It sleeps while characters gather of which it needs none alone, and so may read this late. Without such a time it never
     /// sleeps.
     pub(crate) rests: Duration,
+    /// Its interrupts count characters, and wake it when those that it needs together are there.
+    pub(crate) gathers: bool,
     /// So long it takes to open a line.
     pub(crate) opening: Duration,
 }
@@ -46,10 +48,12 @@ impl SerialHost for SimSerial {
         let found = self.devices.iter().find(|(name, _)| name == device);
         let (_, end) = found.ok_or(error(OpenErrorKind::NotFound))?;
         let board = self.clone();
-        end.open(*line).map(|end| SimLine { end, board, source: None }).map_err(|kind| match kind {
-            ErrorKind::AddrInUse => error(OpenErrorKind::InUse),
-            _ => error(OpenErrorKind::NotFound),
-        })
+        end.open(*line).map(|end| SimLine { end, board, source: None, needed: 1 }).map_err(
+            |kind| match kind {
+                ErrorKind::AddrInUse => error(OpenErrorKind::InUse),
+                _ => error(OpenErrorKind::NotFound),
+            },
+        )
     }
 
     fn read_jitter(&self) -> Duration {
@@ -67,6 +71,8 @@ pub struct SimLine {
     board: SimSerial,
     /// Whose characters are sent here.
     source: Option<LineEnd>,
+    /// So many characters are read together.
+    needed: usize,
 }
 
 impl Drop for SimLine {
@@ -111,6 +117,11 @@ impl SerialLine for SimLine {
         sleeps
     }
 
+    fn gather(&mut self, characters: usize) -> bool {
+        self.needed = if self.board.gathers { characters } else { 1 };
+        self.board.gathers
+    }
+
     fn take_flaws(&mut self) -> Flaws {
         self.end.take_flaws()
     }
@@ -124,9 +135,13 @@ impl Read for SimLine {
     async fn read(&mut self, into: &mut [u8]) -> Result<usize, ErrorKind> {
         let late = self.board.late_reads;
         if late > Duration::default() {
-            self.end.readable().await;
+            self.end.readable(1).await;
             let now = Instant::now().as_ticks();
             Timer::at(Instant::from_ticks(now.next_multiple_of(late.as_ticks()))).await;
+        }
+        if self.needed > 1 {
+            self.end.readable(self.needed).await;
+            self.needed = 1;
         }
         self.end.read(into).await
     }

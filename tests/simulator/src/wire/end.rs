@@ -162,14 +162,15 @@ impl LineEnd {
         Poll::Pending
     }
 
-    /// Waits until a read would give something, if only the news that the adapter is out.
-    pub(crate) async fn readable(&self) {
+    /// Waits until a read would give so many characters, at least one, or the news that the adapter is out.
+    pub(crate) async fn readable(&self, characters: usize) {
         poll_fn(|context| {
             if self.poll_relay(context).is_pending() {
                 return Poll::Pending;
             }
             let mut bus = self.wire.0.borrow_mut();
-            let coming = bus.audible_from(self.number).next().map(|(_, character)| character.end_ns);
+            let last = characters.saturating_sub(1);
+            let coming = bus.audible_from(self.number).nth(last).map(|(_, character)| character.end_ns);
             if self.is_dead(&bus) || coming.is_some_and(|end_ns| end_ns <= now_ns()) {
                 return Poll::Ready(());
             }

@@ -237,7 +237,7 @@ fn a_line_is_relayed_until_what_came_is_read() {
     world.run_until(async {
         source.begin_relay(Relay::new(3, 0), &target);
         device.write_all(&[1, 2, 3]).await.unwrap();
-        source.readable().await;
+        source.readable(1).await;
         assert!(source.is_relayed(), "nothing of it was read");
         assert_eq!(source.read(&mut read).await.unwrap(), 3);
         assert!(!source.is_relayed());

@@ -5,6 +5,7 @@
 //! follower that polls too rarely misses frames, which are counted.
 
 use core::cell::{Cell, RefCell};
+use core::iter::repeat_n;
 
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
@@ -13,6 +14,7 @@ use heapless::{Deque, Vec};
 use portable_atomic::{AtomicU8, Ordering};
 
 use crate::modbus::ascii::FRAME_CHARS_MAX;
+use crate::modbus::tcp::ADU_BYTES_MAX;
 use crate::settings::{Framing, PortId, StreamFraming};
 use crate::stats::Event;
 
@@ -29,8 +31,13 @@ pub const CAPTURE: bool = cfg!(feature = "capture");
 /// Frames in the ring; half as many with the feature `small`.
 pub const FRAMES_MAX: usize = if cfg!(feature = "small") { 32 } else { 64 };
 
-/// Most bytes stored of one frame.
-const FRAME_BYTES_MAX: usize = if CAPTURE { FRAME_CHARS_MAX } else { 0 };
+/// Bytes of a frame that are read from the ring at a time: all, or with the feature `small` those of the longest frame that is
+/// not ASCII, because each connection may hold as many.
+const PART_BYTES_MAX: usize = match (CAPTURE, cfg!(feature = "small")) {
+    (false, _) => 0,
+    (true, false) => FRAME_CHARS_MAX,
+    (true, true) => ADU_BYTES_MAX,
+};
 
 /// The framing of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -69,10 +76,20 @@ pub struct Head {
 pub struct Captured {
     /// Its header.
     pub head: Head,
-    /// The bytes on the wire.
-    pub bytes: Vec<u8, FRAME_BYTES_MAX>,
+    /// The bytes on the wire: the first part, or what [`Capture::next_part`] has read.
+    pub bytes: Vec<u8, PART_BYTES_MAX>,
     /// Frames lost between the previous one and this one.
     pub missed: u32,
+    number: u32,
+    /// Bytes before the part.
+    before: u16,
+}
+
+impl Captured {
+    /// All bytes on the wire.
+    pub(crate) fn length(&self) -> usize {
+        self.head.length.into()
+    }
 }
 
 /// The capture ring.
@@ -119,6 +136,11 @@ impl Capture {
     /// Returns the frame with number `cursor`, or the oldest one after it, and advances the cursor.
     pub fn next(&self, cursor: &mut u32) -> Option<Captured> {
         self.ring.lock(|ring| ring.borrow().get(cursor))
+    }
+
+    /// Reads the next part of `frame`, if there is one. If the frame has been overwritten meanwhile, its rest is zeros.
+    pub fn next_part(&self, frame: &mut Captured) -> bool {
+        self.ring.lock(|ring| ring.borrow().next_part(frame))
     }
 
     fn record(&self, head: Head, parts: &[&[u8]]) {
@@ -176,12 +198,29 @@ impl Ring {
             return None;
         }
         let head = *self.heads.iter().nth(at)?;
-        let start: usize = self.heads.iter().take(at).map(|head| usize::from(head.length)).sum();
-        let bytes = self.bytes.get(start, head.length.into());
         let number = self.first.wrapping_add(at as u32);
         let missed = number.wrapping_sub(*cursor);
         *cursor = number.wrapping_add(1);
-        Some(Captured { head, bytes, missed })
+        let bytes = self.part(at, 0, head.length);
+        Some(Captured { head, bytes, missed, number, before: 0 })
+    }
+
+    fn next_part(&self, frame: &mut Captured) -> bool {
+        frame.before += frame.bytes.len() as u16;
+        let left = frame.head.length.saturating_sub(frame.before);
+        let at = frame.number.wrapping_sub(self.first) as usize;
+        frame.bytes = if at < self.heads.len() {
+            self.part(at, frame.before, left)
+        } else {
+            repeat_n(0, PART_BYTES_MAX.min(left.into())).collect()
+        };
+        left > 0
+    }
+
+    /// Of frame `at` so many bytes behind the first `before`, or as many as are read at a time.
+    fn part(&self, at: usize, before: u16, count: u16) -> Vec<u8, PART_BYTES_MAX> {
+        let start: usize = self.heads.iter().take(at).map(|head| usize::from(head.length)).sum();
+        self.bytes.get(start + usize::from(before), PART_BYTES_MAX.min(count.into()))
     }
 }
 

@@ -29,17 +29,22 @@ impl<'c> Export<'c> {
 
     /// Writes the next frame, if there is one; returns whether there was.
     pub async fn write_next<W: Write>(&mut self, out: &mut W) -> Result<bool, W::Error> {
-        let Some(frame) = self.following.next() else { return Ok(false) };
+        let Some(mut frame) = self.following.next() else { return Ok(false) };
         let epoch_us = self.capture.epoch_us.lock(core::cell::Cell::get);
         if frame.missed > 0 {
             self.dropped += u64::from(frame.missed);
             let Captured { head, .. } = &frame;
             out.write_all(&pcapng::statistics(head, epoch_us, self.dropped)).await?;
         }
-        let (before, behind) = pcapng::packet(&frame, epoch_us);
-        out.write_all(&before).await?;
-        out.write_all(&frame.bytes).await?;
-        out.write_all(&behind).await?;
+        // Encoded twice, so that the future holds no block while it writes the frame's bytes: each connection of a board has one.
+        out.write_all(&pcapng::packet(&frame, epoch_us).0).await?;
+        loop {
+            out.write_all(&frame.bytes).await?;
+            if !self.capture.next_part(&mut frame) {
+                break;
+            }
+        }
+        out.write_all(&pcapng::packet(&frame, epoch_us).1).await?;
         Ok(true)
     }
 }

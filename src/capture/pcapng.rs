@@ -76,9 +76,9 @@ pub fn statistics(head: &Head, epoch_us: u64, dropped: u64) -> Block {
 pub fn packet(frame: &Captured, epoch_us: u64) -> (Block, Block) {
     let tags = tags(frame);
     let at = epoch_us.wrapping_add(frame.head.at.as_micros());
-    let length = (tags.len() + frame.bytes.len()) as u32;
+    let length = (tags.len() + frame.length()) as u32;
     let mut behind = Block::new();
-    pad(&mut behind, frame.bytes.len());
+    pad(&mut behind, frame.length());
     option(&mut behind, OPTION_COMMENT, frame.head.verdict.name().as_bytes());
     option(&mut behind, OPTION_FLAGS, &flags(frame).to_le_bytes());
     option(&mut behind, 0, &[]);

@@ -45,14 +45,17 @@ impl<'g> Frames<'g> {
         if matches!(came, WaitEvent::Typed(_)) {
             return Wait::End;
         }
-        if let Some(frame) = &self.frame {
+        if let Some(frame) = &mut self.frame {
             let rest = frame.bytes.get(self.shown..).unwrap_or_default();
             let piece = rest.get(..PIECE_BYTES_MAX).unwrap_or(rest);
             session.out.put(format_args!("{}", Bytes { kind: frame.head.kind, bytes: piece }));
             self.shown += piece.len();
             if piece.len() == rest.len() {
-                session.out.end();
-                self.frame = None;
+                self.shown = 0;
+                if !capture.next_part(frame) {
+                    session.out.end();
+                    self.frame = None;
+                }
             }
             return Wait::Sent;
         }

@@ -111,7 +111,8 @@ fn forget<K: PartialEq<Q>, Q: ?Sized>(table: &mut [Option<(K, Failures)>], who: 
     }
 }
 
-#[cfg(test)]
+// Without users nothing is remembered.
+#[cfg(all(test, feature = "users"))]
 mod tests {
     use super::*;
 

@@ -5,10 +5,7 @@ use core::net::IpAddr;
 use super::*;
 use crate::settings::Role;
 
-/// Fits the password of [`Bench`].
-pub(super) const HASH: &str =
-    "$argon2id$v=19$m=8,t=1,p=1$MDEyMzQ1Njc4OWFiY2RlZg$MbnuQj2xrGASZb+GaVRPOkBaCDUjNErQQKePN3mCUfA";
-const PEER: IpAddr = IpAddr::V4(core::net::Ipv4Addr::LOCALHOST);
+pub(super) const PEER: IpAddr = IpAddr::V4(core::net::Ipv4Addr::LOCALHOST);
 
 /// A user of each role, named like it, and one without password.
 pub(super) fn add_users(gateway: &Gateway<'_>) {

@@ -206,7 +206,7 @@ impl Ring {
         frame.bytes = if at < self.heads.len() {
             self.part(at, frame.before, left)
         } else {
-            repeat_n(0, PART_BYTES_MAX.min(left.into())).collect()
+            repeat_n(0, left.into()).take(PART_BYTES_MAX).collect()
         };
         left > 0
     }
@@ -214,7 +214,7 @@ impl Ring {
     /// Of frame `at` so many bytes behind the first `before`, or as many as are read at a time.
     fn part(&self, at: usize, before: u16, count: u16) -> Vec<u8, PART_BYTES_MAX> {
         let start: usize = self.heads.iter().take(at).map(|head| usize::from(head.length)).sum();
-        self.bytes.get(start + usize::from(before), PART_BYTES_MAX.min(count.into()))
+        self.bytes.get(start + usize::from(before), count.into())
     }
 }
 

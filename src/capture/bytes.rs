@@ -43,8 +43,14 @@ impl Bytes {
         self.length += bytes.len();
     }
 
-    /// Copies `count` bytes, starting after the oldest `before`.
+    /// Copies `count` bytes, or as many as fit, starting after the oldest `before`.
     pub(super) fn get<const N: usize>(&self, before: usize, count: usize) -> Vec<u8, N> {
-        self.bytes.iter().cycle().skip((self.start + before) % BYTES_MAX).take(count).copied().collect()
+        self.bytes
+            .iter()
+            .cycle()
+            .skip((self.start + before) % BYTES_MAX)
+            .take(count.min(N))
+            .copied()
+            .collect()
     }
 }

@@ -20,6 +20,8 @@ mod job;
 mod keys;
 mod known;
 mod layout;
+// Without users nothing calls it.
+#[cfg_attr(not(feature = "users"), allow(dead_code))]
 mod log_in;
 mod mode;
 mod output;
@@ -166,8 +168,13 @@ async fn work<S: Store, Y: System>(
             let loaded = reconfigure::load(session.gateway, store).await;
             session.loaded(loaded);
         }
+        // Without users nobody waits for these; a constant would leave their code in the future.
+        #[cfg(feature = "users")]
         Wait::LogIn => session.log_in(system, input.line()).await,
+        #[cfg(feature = "users")]
         Wait::Password => session.set_password(system, input.line()).await,
+        #[cfg(not(feature = "users"))]
+        Wait::LogIn | Wait::Password => _ = system,
         Wait::Reboot => session.system.reboot(),
     }
     WaitEvent::Nothing

@@ -27,6 +27,8 @@ pub(crate) mod direct_request;
 mod ethercat;
 pub(crate) mod events;
 mod keep_settings;
+// Without users nothing calls it.
+#[cfg_attr(not(feature = "users"), allow(dead_code))]
 pub(crate) mod log_in;
 #[doc(hidden)] // Public for tests/ only.
 pub mod outstanding;

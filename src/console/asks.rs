@@ -4,7 +4,7 @@ use core::net::IpAddr;
 
 use heapless::String;
 
-use crate::settings::Name;
+use crate::settings::{Name, USERS};
 
 /// Most bytes of a password.
 pub(super) const PASSWORD_BYTES_MAX: usize = 64;
@@ -33,6 +33,9 @@ impl Asks {
 
     /// The prompt; `None`: that of commands.
     pub(super) fn prompt(&self) -> Option<&'static str> {
+        if !USERS {
+            return None;
+        }
         Some(match self {
             Self::Command => return None,
             Self::User => "user: ",
@@ -49,6 +52,6 @@ impl Asks {
 
     /// Whether the line must not be shown.
     pub(super) fn is_secret(&self) -> bool {
-        !matches!(self, Self::Command | Self::User)
+        USERS && !matches!(self, Self::Command | Self::User)
     }
 }

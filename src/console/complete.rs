@@ -4,7 +4,7 @@ use heapless::String;
 
 use super::command::commands;
 use crate::language::{Offer, WORD_BYTES_MAX};
-use crate::settings::Settings;
+use crate::settings::{Settings, USERS};
 
 /// The result of completing a word.
 #[derive(Debug, PartialEq, Eq)]
@@ -71,6 +71,7 @@ pub(super) fn candidates(before: &str, settings: &Settings, each: &mut dyn FnMut
             Offer::Verbs => commands().for_each(|command| offer(command.name)),
             Offer::Ports => settings.ports.iter().flatten().for_each(|port| offer(&port.name)),
             Offer::Devices => settings.devices.iter().for_each(|device| offer(&device.name)),
+            Offer::Users if !USERS => {}
             Offer::Users => settings.users.iter().for_each(|user| offer(&user.name)),
             Offer::Points => settings.points.iter().for_each(|point| offer(&point.name)),
         }

@@ -56,6 +56,9 @@ impl fmt::Display for Denied {
 impl Session<'_, '_> {
     /// Ends a session by network that nobody could log in to.
     pub(super) fn check_users(&mut self) {
+        if !USERS {
+            return;
+        }
         let can_log_in =
             || self.gateway.settings(|settings| settings.users.iter().any(|user| user.password.is_some()));
         if self.peer.is_some() && !can_log_in() {
@@ -141,7 +144,7 @@ impl Session<'_, '_> {
     /// Makes `typed` the password of `user`.
     pub(super) async fn set_password(&mut self, system: &impl System, typed: &str) {
         let Asks::New(user) = take(&mut self.asks) else { return };
-        match system.hash_password(typed).await.filter(|_| USERS) {
+        match system.hash_password(typed).await {
             Some(hash) => {
                 let set = reconfigure::set_password(self.gateway, &user, hash).await;
                 self.changed(set.map(|()| None));

@@ -27,6 +27,8 @@ pub(super) struct Session<'s, 'g> {
     /// What the next line is.
     pub(super) asks: Asks,
     /// Wrong passwords so far.
+    // Without users nobody counts them.
+    #[cfg_attr(not(feature = "users"), allow(dead_code))]
     pub(super) failures: u8,
     /// No further line is read.
     pub(super) ends: bool,

@@ -10,6 +10,7 @@ use super::wait::{Wait, WaitEvent};
 use crate::gateway::Gateway;
 use crate::hal::{System, Version};
 use crate::language::{Words, Wrong};
+use crate::settings::USERS;
 
 /// A session.
 pub(super) struct Shell<'s, 'g> {
@@ -83,7 +84,7 @@ impl<'s, 'g> Shell<'s, 'g> {
     fn typed(&mut self, typed: Typed) -> Wait {
         let Self { input, session, job, .. } = self;
         if let (Typed::Line | Typed::Wrong(_), Some(number)) = (&typed, &mut session.line_number) {
-            *number = number.saturating_add(u32::from(!session.asks.is_log_in()));
+            *number = number.saturating_add(u32::from(!USERS || !session.asks.is_log_in()));
         }
         match typed {
             Typed::More => Wait::Key,
@@ -91,7 +92,7 @@ impl<'s, 'g> Shell<'s, 'g> {
                 session.out.columns = Some(columns);
                 Wait::Key
             }
-            Typed::Line if session.asks.prompt().is_some() => {
+            Typed::Line if USERS && session.asks.prompt().is_some() => {
                 let edits = matches!(input, Input::Keys(_));
                 session.answered(input.line(), edits)
             }
@@ -124,7 +125,7 @@ impl<'s, 'g> Shell<'s, 'g> {
     /// Completes the word at the cursor, or lists the candidates.
     fn complete(&mut self) {
         let Self { input: Input::Keys(editor), session, .. } = self else { return };
-        if session.asks.prompt().is_some() {
+        if USERS && session.asks.prompt().is_some() {
             return;
         }
         let before = editor.before_cursor();

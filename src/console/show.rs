@@ -17,7 +17,7 @@ use crate::gateway::unit_health::{UNITS_MAX, Unit};
 use crate::hal::{NetworkState, System};
 use crate::language::listed::listed;
 use crate::language::{Words, Wrong, write_shown_line};
-use crate::settings::{Endpoint, PortKind, SERVERS, ServerSettings, Settings, Side, User};
+use crate::settings::{self, Endpoint, PortKind, SERVERS, ServerSettings, Settings, Side, User};
 use crate::stats::{Event, LOG_ENTRIES_MAX, LastError};
 
 /// The topics of `show`.
@@ -79,7 +79,7 @@ pub(super) fn topic(words: &Words<'_>) -> Result<Show, Wrong> {
     let word = words.take();
     let name = |at: usize| TOPICS.get(at).map(|(name, _)| *name);
     let (show, _) = word.lookup(TOPICS).ok_or_else(|| word.unknown(&name, ELSEWHERE, TOPICS_EXPECTED))?;
-    let secrets = show == Show::Config && words.peek().is("secrets");
+    let secrets = settings::USERS && show == Show::Config && words.peek().is("secrets");
     if secrets {
         words.take();
     }
@@ -136,14 +136,14 @@ fn write(
         Show::Points => points::row(source, place, out),
         Show::Devices => points::device(source, place, out),
         Show::Registers => registers::row(source, place, out),
-        Show::Users => table(USERS, user, out),
+        Show::Users if settings::USERS => table(USERS, user, out),
         Show::Config => write_shown_line(source.settings, place, false, out),
         Show::Secrets => write_shown_line(source.settings, place, true, out),
         Show::Network => network(source.settings, system.network(), place, out),
         Show::Log => event(source, system, place, out),
         Show::Version => version(source, system, place, out),
         Show::Update => update(system, place, out),
-        Show::Frames => None,
+        Show::Frames | Show::Users => None,
     }
 }
 

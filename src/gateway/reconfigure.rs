@@ -75,6 +75,8 @@ pub async fn change(gateway: &Gateway<'_>, line: &str) -> Result<Option<Warning>
 }
 
 /// Sets the password of `user`, who may be gone by now.
+// Without users nothing calls it.
+#[cfg_attr(not(feature = "users"), allow(dead_code))]
 pub(crate) async fn set_password(
     gateway: &Gateway<'_>,
     user: &str,

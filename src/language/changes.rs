@@ -14,7 +14,7 @@ use super::words::{Word, Words, Wrong};
 use super::{mdns, own_network, point_checks, point_words, port_kinds, route_words, servers, slaves, users};
 use crate::scanner::POINTS;
 use crate::settings::{
-    Destination, Name, PORTS_MAX, Port, PortId, PortKind, ROUTES_MAX, Route, Rules, SERVERS, Settings,
+    Destination, Name, PORTS_MAX, Port, PortId, PortKind, ROUTES_MAX, Route, Rules, SERVERS, Settings, USERS,
 };
 
 /// Executes the words after a verb.
@@ -272,6 +272,7 @@ pub(crate) fn delete(settings: &mut Settings, words: &Words<'_>) -> Result<Chang
             words.end()?;
             settings.routes.clear();
         }
+        Thing::User if !USERS => return Err(words.take().error(Problem::NoUsers)),
         Thing::User => {
             let word = words.take();
             words.end()?;

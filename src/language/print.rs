@@ -12,7 +12,8 @@ use super::route_words::IDENTIFICATION;
 use crate::scanner::POINTS;
 use crate::settings::{
     AddressRange, Cut, Forbidden, Framing, Functions, LineSettings, Mdns, Merge, Parity, Policy, Port,
-    Priority, Route, SERVERS, Settings, Side, Special, StreamFraming, Tag, Time, UnitPolicy, UnitRange,
+    Priority, Route, SERVERS, Settings, Side, Special, StreamFraming, Tag, Time, USERS, UnitPolicy,
+    UnitRange,
 };
 
 /// Longest baud rate and character format.
@@ -33,7 +34,7 @@ pub(crate) fn write_shown_line(
     secrets: bool,
     out: &mut dyn Write,
 ) -> Option<fmt::Result> {
-    if let Some(user) = settings.users.get(n) {
+    if let Some(user) = settings.users.get(n).filter(|_| USERS) {
         return Some(match &user.password {
             Some(password) if secrets => write!(out, "user {user} password \"{password}\""),
             _ => write!(out, "user {user}"),

@@ -6,7 +6,7 @@ use crate::scanner::{DEVICES_MAX, POINTS};
 use crate::settings::{
     Destination, DeviceSettings, Mdns, OwnNetwork, POINTS_MAX, PORTS_MAX, PointSettings, Port, PortId,
     PortKind, ROUTES_MAX, Route, SERVERS, SERVERS_MAX, SLAVES_MAX, ServerSettings, SlaveSettings,
-    TcpServerSettings, User, Users,
+    TcpServerSettings, USERS, User, Users,
 };
 
 /// Everything that `save` stores and `show config` prints.
@@ -138,7 +138,9 @@ impl Clone for Settings {
             copy_list(&mut self.points, points);
             copy_list(&mut self.slaves, slaves);
         }
-        copy_list(&mut self.users, users);
+        if USERS {
+            copy_list(&mut self.users, users);
+        }
     }
 }
 

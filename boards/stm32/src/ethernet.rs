@@ -16,7 +16,13 @@ use crate::registers;
 
 /// Received packets that the DMA holds until they are read: a request of each client, all in one instant. A faster chip reads
 /// most of them meanwhile.
-const PACKETS: usize = if cfg!(feature = "h7") { 4 } else { 8 };
+const PACKETS: usize = if cfg!(feature = "h7") {
+    4
+} else if cfg!(feature = "f7") {
+    12
+} else {
+    8
+};
 /// Outgoing packets leave within microseconds.
 const PACKETS_OUT: usize = 2;
 

@@ -44,7 +44,9 @@ impl fmt::Display for Denied {
             Self::Wrong => "no such user, or another password",
             Self::Pause(pause) => return write!(f, "too many failures: try again in {}", Time(*pause)),
             Self::NoSuchUser => "there is no user of this name: user NAME role viewer, operator or engineer",
-            Self::Length => "a password has 8 to 64 characters",
+            Self::Length => {
+                return write!(f, "a password has {PASSWORD_BYTES_MIN} to {PASSWORD_BYTES_MAX} characters");
+            }
             Self::Differ => "the passwords differ",
             Self::NoHash => "this gateway has no users, or no random numbers",
             Self::Role { needed, own } => return write!(f, "needs the role {needed}; yours is {own}"),

@@ -21,12 +21,7 @@ pub enum Mode {
 }
 
 impl Mode {
-    /// Whether its user is at the gateway, and may go back to older firmware.
-    pub(super) fn is_local(self) -> bool {
-        self.peer().is_none()
-    }
-
-    /// Where its user is, if elsewhere.
+    /// Where its user is, if not at the gateway.
     pub(super) fn peer(self) -> Option<IpAddr> {
         match self {
             Self::Network(peer) => Some(peer),

@@ -54,7 +54,7 @@ impl<'s, 'g> Session<'s, 'g> {
             system,
             peer: mode.peer(),
             // Least, until somebody has logged in.
-            role: if mode.is_local() { Role::Engineer } else { Role::Viewer },
+            role: if mode.peer().is_none() { Role::Engineer } else { Role::Viewer },
             asks: Asks::first(mode.peer()),
             failures: 0,
             ends: false,

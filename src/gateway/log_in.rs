@@ -80,33 +80,36 @@ fn network(address: IpAddr) -> IpAddr {
     }
 }
 
+/// Where the failures of `who` are.
+fn place<K: PartialEq<Q>, Q: ?Sized>(table: &[Option<(K, Failures)>], who: &Q) -> Option<usize> {
+    table.iter().position(|entry| entry.as_ref().is_some_and(|(key, _)| *key == *who))
+}
+
 /// The failures of `who`, unless they are too old.
 fn find<K: PartialEq<Q>, Q: ?Sized>(
     table: &[Option<(K, Failures)>],
     now: Instant,
     who: &Q,
 ) -> Option<Failures> {
-    let (_, failures) = table.iter().flatten().find(|(key, _)| *key == *who)?;
+    let (_, failures) = table.get(place(table, who)?)?.as_ref()?;
     Some(*failures).filter(|failures| failures.last + MEMORY > now)
 }
 
 fn count<K: PartialEq>(table: &mut [Option<(K, Failures)>], now: Instant, who: K) {
     let before = find(table, now, &who).map_or(0, |failures| failures.count);
-    let known = table.iter().position(|entry| entry.as_ref().is_some_and(|(key, _)| *key == who));
     let oldest = || {
         let last =
             |(_, entry): &(usize, &Option<(K, Failures)>)| entry.as_ref().map(|(_, failures)| failures.last);
         table.iter().enumerate().min_by_key(last).map(|(at, _)| at)
     };
-    let at = known.or_else(oldest);
+    let at = place(table, &who).or_else(oldest);
     if let Some(entry) = at.and_then(|at| table.get_mut(at)) {
         *entry = Some((who, Failures { count: before.saturating_add(1), last: now }));
     }
 }
 
 fn forget<K: PartialEq<Q>, Q: ?Sized>(table: &mut [Option<(K, Failures)>], who: &Q) {
-    let entry = table.iter_mut().find(|entry| entry.as_ref().is_some_and(|(key, _)| *key == *who));
-    if let Some(entry) = entry {
+    if let Some(entry) = place(table, who).and_then(|at| table.get_mut(at)) {
         *entry = None;
     }
 }

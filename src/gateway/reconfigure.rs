@@ -63,15 +63,24 @@ pub async fn draft<'s>(gateway: &'s Gateway<'_>) -> MutexGuard<'s, CriticalSecti
 
 /// Changes the settings by `line`.
 pub async fn change(gateway: &Gateway<'_>, line: &str) -> Result<Option<Warning>, Unchanged> {
+    let applied = change_by(gateway, |draft| language::apply(draft, line)).await?;
+    Ok(applied.warning)
+}
+
+/// Applies what `change` makes of the settings, unless it fails.
+async fn change_by<R>(
+    gateway: &Gateway<'_>,
+    change: impl FnOnce(&mut Settings) -> Result<R, LineError>,
+) -> Result<R, Unchanged> {
     let mut draft = draft(gateway).await;
     gateway.settings(|settings| draft.clone_from(settings));
-    let applied = language::apply(&mut draft, line)?;
+    let changed = change(&mut draft)?;
     let differs = gateway.settings(|settings| *draft != *settings);
     gateway.apply(&draft)?;
     if differs {
         gateway.set_unsaved(true);
     }
-    Ok(applied.warning)
+    Ok(changed)
 }
 
 /// Sets the password of `user`, who may be gone by now.
@@ -82,14 +91,13 @@ pub(crate) async fn set_password(
     user: &str,
     hash: PasswordHash,
 ) -> Result<(), Unchanged> {
-    let mut draft = draft(gateway).await;
-    gateway.settings(|settings| draft.clone_from(settings));
-    if let Some(user) = draft.users.iter_mut().find(|known| known.name == user) {
-        user.password = Some(hash);
-        gateway.apply(&draft)?;
-        gateway.set_unsaved(true);
-    }
-    Ok(())
+    let set = |draft: &mut Settings| {
+        if let Some(user) = draft.user_mut(user) {
+            user.password = Some(hash);
+        }
+        Ok(())
+    };
+    change_by(gateway, set).await
 }
 
 /// Writes the settings to `store`; `whatever`: even if the text there was changed by others.

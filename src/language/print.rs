@@ -1,5 +1,5 @@
-//! Prints settings as the lines that recreate them: users, network and discovery, ports, servers, rules in order, devices, points and
-//! slaves.
+//! Prints settings as the lines that recreate them: users, network and discovery, ports, servers, rules in order, devices, points
+//! and slaves.
 
 use core::fmt::{self, Display, Write};
 

@@ -30,7 +30,7 @@ pub(crate) fn user(settings: &mut Settings, words: &Words<'_>) -> Result<Changed
         password = Some(hash(words.take_quoted())?);
         words.end()?;
     }
-    match settings.users.iter_mut().find(|user| user.name == name) {
+    match settings.user_mut(&name) {
         Some(user) => {
             user.role = role;
             user.password = password.or(user.password.take());

@@ -105,6 +105,11 @@ impl Settings {
         self.users.iter().find(|user| user.name == name)
     }
 
+    /// The same, to be changed.
+    pub(crate) fn user_mut(&mut self, name: &str) -> Option<&mut User> {
+        self.users.iter_mut().find(|user| user.name == name)
+    }
+
     /// A destination as named in rules.
     pub fn destination(&self, destination: Destination) -> &str {
         match destination {

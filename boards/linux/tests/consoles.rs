@@ -95,30 +95,32 @@ fn on_tcp() -> (Program, u16) {
     (Program::with(&settings, &options), console)
 }
 
+/// A session at its TCP port.
+fn tcp_session(console: u16) -> TcpStream {
+    let stream = TcpStream::connect((Ipv4Addr::LOCALHOST, console)).unwrap();
+    stream.set_read_timeout(Some(PATIENCE)).unwrap();
+    stream
+}
+
 #[test]
 fn what_a_browser_sends_to_the_tcp_console_is_not_carried_out() {
     let (program, console) = on_tcp();
-    let connect = || {
-        let stream = TcpStream::connect((Ipv4Addr::LOCALHOST, console)).unwrap();
-        stream.set_read_timeout(Some(PATIENCE)).unwrap();
-        stream
-    };
     let body = "delete route 1\r\nsave\r\n";
     let post =
         format!("POST / HTTP/1.1\r\nHost: 127.0.0.1:{console}\r\nContent-Type: text/plain\r\n\r\n{body}");
     let tls = [&b"\x16\x03\x01\x02\x00\x01\n"[..], body.as_bytes()].concat();
     let telnet = [&b"\xff\xfd\x03\n"[..], body.as_bytes()].concat();
     for (bytes, logged) in [(post.as_bytes(), "this is HTTP"), (&tls, "this is TLS"), (&telnet, "telnet")] {
-        let mut stream = connect();
+        let mut stream = tcp_session(console);
         stream.write_all(bytes).unwrap();
         let mut answer = Vec::new();
         stream.read_to_end(&mut answer).unwrap();
         assert_eq!(String::from_utf8_lossy(&answer), "user: ", "nothing more is said, and the session ends");
         program.logs(logged);
     }
-    converse(&mut connect(), "anna\nlet me in\nshow routes\n", "readonly");
+    converse(&mut tcp_session(console), "anna\nlet me in\nshow routes\n", "readonly");
     program.logs("anna of 127.0.0.1 has logged in as engineer");
-    converse(&mut connect(), "anna\nlet me out\n", "no such user, or another password");
+    converse(&mut tcp_session(console), "anna\nlet me out\n", "no such user, or another password");
     program.logs("a password of 127.0.0.1 for anna was wrong");
     assert!(fs::read_to_string(program.config()).unwrap().contains("readonly"));
 }
@@ -142,18 +144,17 @@ fn tcp_listeners(program: &Program) -> usize {
 #[test]
 fn a_password_set_at_the_local_console_is_saved_as_its_hash_and_opens_the_tcp_console() {
     let (program, console) = on_tcp();
-    let connect = || {
-        let stream = TcpStream::connect((Ipv4Addr::LOCALHOST, console)).unwrap();
-        stream.set_read_timeout(Some(PATIENCE)).unwrap();
-        stream
-    };
     let lines = "user bert role operator\npassword bert\nbattery staple\nsave\n";
-    converse(&mut connect(), &("anna\nlet me in\n".to_owned() + lines), "saved");
+    converse(&mut tcp_session(console), &("anna\nlet me in\n".to_owned() + lines), "saved");
     let saved = fs::read_to_string(program.config()).unwrap();
     assert!(saved.contains("user bert role operator password \"$argon2id$v=19$m=19456,t=2,p=1$"), "{saved}");
     assert!(!saved.contains("battery"), "{saved}");
-    converse(&mut connect(), "bert\nbattery staple\nsave\n", "needs the role engineer; yours is operator");
-    converse(&mut connect(), "bert\nbattery stapler\n", "no such user, or another password");
+    converse(
+        &mut tcp_session(console),
+        "bert\nbattery staple\nsave\n",
+        "needs the role engineer; yours is operator",
+    );
+    converse(&mut tcp_session(console), "bert\nbattery stapler\n", "no such user, or another password");
 }
 
 #[test]

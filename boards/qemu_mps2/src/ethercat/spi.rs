@@ -1,7 +1,8 @@
 //! The SPI and the interrupt pin of an EtherCAT controller simulated by a program on the host: transactions go through two pipes,
 //! `PATH.out` and `PATH.in`, if the command line has `spi=PATH`.
 //!
-//! A request has the bytes of the transaction; the response has as many. An empty request asks for the interrupt pin, and the response is one byte. The whole board stalls meanwhile.
+//! A request has the bytes of the transaction; the response has as many. An empty request asks for the interrupt pin, and the
+//! response is one byte. The whole board stalls meanwhile.
 
 use core::cell::RefCell;
 

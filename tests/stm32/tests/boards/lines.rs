@@ -39,18 +39,19 @@ pub(crate) fn check_frame(machine: &Machine, line: Uart, sent: &[Sent]) {
     }
 }
 
-fn a_request_on_one_line_reaches_the_device_on_another(board: Board) {
+/// A board that passes requests of line 2 on to line 1 by `rule`.
+fn routed(board: Board, rule: &str) -> Machine {
     let mut machine = started(board);
-    set_up(
-        &mut machine,
-        &[
-            "port P1 serial uart1 rtu client 19200 8E1",
-            "port P2 serial uart2 rtu server 19200 8E1",
-            "route P2 1-64 * * P1",
-        ],
-    );
+    let ports =
+        ["port P1 serial uart1 rtu client 19200 8E1", "port P2 serial uart2 rtu server 19200 8E1", rule];
+    set_up(&mut machine, &ports);
     // A client that has just opened its line waits for what may still be on its way from before.
     machine.run(Duration::from_secs(2)).unwrap();
+    machine
+}
+
+fn a_request_on_one_line_reaches_the_device_on_another(board: Board) {
+    let mut machine = routed(board, "route P2 1-64 * * P1");
     for _ in 0..3 {
         machine.send(Uart::Line2, &REQUEST, RTU);
         let request = machine.receive(Uart::Line1, REQUEST.len(), Duration::from_millis(50)).unwrap();
@@ -76,16 +77,7 @@ fn count(stats: &str, port: &str, event: &str) -> u32 {
 }
 
 fn damaged_characters_are_counted_and_cost_one_frame(board: Board) {
-    let mut machine = started(board);
-    set_up(
-        &mut machine,
-        &[
-            "port P1 serial uart1 rtu client 19200 8E1",
-            "port P2 serial uart2 rtu server 19200 8E1",
-            "route P2 1-64 * * P1 cut off",
-        ],
-    );
-    machine.run(Duration::from_secs(2)).unwrap();
+    let mut machine = routed(board, "route P2 1-64 * * P1 cut off");
     // A bit of one character has fallen over, so that its parity is wrong.
     let odd = Format { parity: Parity::Odd, ..RTU };
     machine.send(Uart::Line2, &REQUEST[..3], RTU);
@@ -108,16 +100,7 @@ fn damaged_characters_are_counted_and_cost_one_frame(board: Board) {
 /// The receiver takes three samples of each bit, and notes where one of them differs from the other two. The frame's CRC tells whether
 /// they were right, so the note is nothing that is counted, interrupts or delays.
 fn noise_through_which_every_bit_is_read_costs_nothing(board: Board) {
-    let mut machine = started(board);
-    set_up(
-        &mut machine,
-        &[
-            "port P1 serial uart1 rtu client 19200 8E1",
-            "port P2 serial uart2 rtu server 19200 8E1",
-            "route P2 1-64 * * P1",
-        ],
-    );
-    machine.run(Duration::from_secs(2)).unwrap();
+    let mut machine = routed(board, "route P2 1-64 * * P1");
     let (before, mut instructions) = (machine.type_line("show stats").unwrap(), Vec::new());
     for is_noisy in [false, true, true] {
         let send = if is_noisy { Machine::send_noisy } else { Machine::send };

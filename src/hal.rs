@@ -4,7 +4,7 @@
 //! Everything is polled from one executor, so no trait requires `Send`.
 
 use core::fmt;
-use core::net::SocketAddr;
+use core::net::{IpAddr, SocketAddr};
 
 use embassy_time::{Duration, Instant};
 use embedded_io_async::{Read, Write};
@@ -187,6 +187,11 @@ pub trait TcpHost {
     /// Opens the listening socket at `listen`, if the board has such sockets, so that errors appear before the first client
     /// connects.
     fn listen(&mut self, listen: &TcpListen) -> Result<(), OpenError>;
+
+    /// An address outside private networks at which a server at `listen` is reached, on systems that know.
+    fn public_address(&self, _listen: &TcpListen) -> Option<IpAddr> {
+        None
+    }
 
     /// Waits for the next connection at `listen` and returns it with the peer's address. Dropping the pending future loses no
     /// connection.

@@ -278,7 +278,13 @@ fn invitation(listen: &TcpListen) -> String {
         // Writing to a String cannot fail.
         let _ = writeln!(text, "  # {meaning}\n  {command}");
     }
+    let _ = writeln!(text, "Here, protect the meter from writes:\n  {}", protection(port));
     text
+}
+
+/// A line for the console that lets clients only read the meter.
+fn protection(port: u16) -> String {
+    format!("insert route 1 P{port} {METER} * * bus readonly")
 }
 
 #[cfg(test)]

@@ -14,6 +14,7 @@ pub mod describe;
 mod descriptor;
 pub mod ethercat;
 pub mod executor;
+mod exposure;
 pub mod file;
 mod hint;
 pub mod logging;

@@ -5,7 +5,7 @@
 
 use std::cell::RefCell;
 use std::io::{self, Read as _, Write as _};
-use std::net::{Shutdown, SocketAddr};
+use std::net::{IpAddr, Shutdown, SocketAddr};
 use std::os::fd::{AsFd, BorrowedFd};
 use std::rc::{Rc, Weak};
 
@@ -16,6 +16,7 @@ use mobgate::hal::{self, OpenError, TcpHost};
 use mobgate::settings::TcpListen;
 
 use crate::descriptor::Descriptor;
+use crate::exposure;
 
 mod connector;
 mod listener;
@@ -59,6 +60,10 @@ impl TcpHost for TcpSockets {
     fn listen(&mut self, listen: &TcpListen) -> Result<(), OpenError> {
         self.next = Some(self.open(listen)?);
         Ok(())
+    }
+
+    fn public_address(&self, listen: &TcpListen) -> Option<IpAddr> {
+        exposure::public_address(listen)
     }
 
     async fn accept(&mut self, listen: &TcpListen) -> Result<(TcpStream, SocketAddr), OpenError> {

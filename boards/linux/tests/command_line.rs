@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use rustix::process::Signal;
 
-use common::{PATIENCE, Program, ask, free_port, mobgate, output, wait_for};
+use common::{PATIENCE, Program, ask, converse, free_port, mobgate, output, wait_for};
 
 mod common;
 
@@ -189,6 +189,20 @@ fn the_demo_serves_its_three_devices_and_prints_the_commands_to_try() {
     assert_eq!(ask(&mut client, 3, &[3, 0, 0, 0, 1]).len(), 4);
     assert!(asked.elapsed() >= Duration::from_millis(300));
     program.logs(&format!("mbpoll -m tcp -p {} -a 1", program.port));
+}
+
+#[test]
+fn the_line_that_the_demo_prints_protects_the_meter_from_writes() {
+    let program = Program::demo_with_console();
+    let mut client = program.connect();
+    let write = [6, 0, 9, 0, 1];
+    assert_eq!(ask(&mut client, 1, &write), write);
+    program.logs("protect the meter");
+    let said = program.log();
+    let line = said.lines().map(str::trim).find(|line| line.ends_with("readonly")).unwrap();
+    converse(&mut program.session(), &format!("{line}\nshow routes\n"), "readonly");
+    assert_eq!(ask(&mut client, 1, &write), [0x86, 1]);
+    assert_eq!(ask(&mut client, 2, &[5, 0, 0, 0xff, 0]), [5, 0, 0, 0xff, 0], "the relays are not protected");
 }
 
 #[test]

@@ -6,6 +6,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use common::{PATIENCE, Program, ask, free_port, wait_for};
+use mobgate_simulator::own_network::{MASTER_END, in_own_network, ip};
 
 mod common;
 
@@ -197,4 +198,18 @@ fn serve_as(mut stream: TcpStream, server: u8) {
         let answer = [&request[..4], &[0, 5, request[6], 3, 2, server, request[6]]].concat();
         stream.write_all(&answer).unwrap();
     }
+}
+
+#[test]
+fn a_server_at_a_public_address_that_limits_nobody_is_warned_of() {
+    in_own_network("a_server_at_a_public_address_that_limits_nobody_is_warned_of", || {
+        ip(&format!("addr add 203.0.113.7/24 dev {MASTER_END}"));
+        let lines = "port open tcp server {port}\nport limited tcp server 1502 allow 10.0.0.0/8\n\
+                     port local tcp server 127.0.0.1:1503\n";
+        let program = Program::configured(lines);
+        let warning = format!("TCP port {} serves whoever reaches 203.0.113.7", program.port);
+        program.logs(&warning);
+        program.logs("listening on TCP port 1503");
+        assert_eq!(program.log().matches("serves whoever").count(), 1, "{}", program.log());
+    });
 }

@@ -23,7 +23,7 @@ use crate::modbus::{Exception, pdu};
 use crate::port::server::listening;
 use crate::port::stream::{Input, Pieces};
 use crate::port::timer::{outlined, until, within};
-use crate::settings::{PortId, StreamFraming, TcpListen, TcpServerSettings};
+use crate::settings::{Allowed, PortId, StreamFraming, TcpListen, TcpServerSettings};
 use crate::stats::Event;
 
 mod response;
@@ -113,9 +113,19 @@ impl Server<'_, '_> {
     ) -> Result<(H::Stream<'h>, SocketAddr), OpenError> {
         let listen = &self.settings.listen;
         host.listen(listen)?;
-        listening::listens(self.port_state, "TCP", listen.port);
+        listening::listens(self.port_state, "TCP", listen.port, || {
+            host.public_address(listen).filter(|_| self.serves_everybody())
+        });
         until(window.turn).await;
         host.accept(listen).await
+    }
+
+    /// Whether no peer is refused.
+    fn serves_everybody(&self) -> bool {
+        let everybody = Allowed::everybody();
+        self.gateway.settings(|settings| {
+            settings.tcp_server(self.id).is_some_and(|server| server.allowed == everybody)
+        })
     }
 
     /// Marks the connection as free, and drops responses that still arrive.

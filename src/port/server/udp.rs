@@ -66,7 +66,7 @@ impl<'s, 'g> Server<'s, 'g> {
             let port = self.settings.listen.port;
             match host.bind(&self.settings.listen).await {
                 Ok(mut socket) => {
-                    listening::listens(self.port_state, "UDP", port);
+                    listening::listens(self.port_state, "UDP", port, || None);
                     let SocketLost = self.serve(&mut socket).await;
                     self.port_state.stats.count(Event::LineLost);
                     self.port_state.set_status(Status::Lost);

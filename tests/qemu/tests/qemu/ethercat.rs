@@ -15,8 +15,8 @@ use crate::{Bench, registers};
 const CYCLE_MS: u64 = 2;
 /// The watchdog of process data in units of 100 us: as long as a busy host may keep the MainDevice waiting.
 const WATCHDOG: (u16, u16) = (0x0420, 60_000);
-/// Starts that may fail before one must not.
-const STARTS_MAX: usize = 3;
+/// Longest until a start succeeds: a busy host gives the board and its controller a fifth of a processor.
+const START_LIMIT: Duration = Duration::from_secs(30);
 /// Longest until a value is seen on the other side: a host that is busy may let devices be taken for dead, and they are asked again
 /// after 30 s at most.
 const SEEN_LIMIT: Duration = Duration::from_secs(60);
@@ -96,13 +96,17 @@ async fn cycle_until(
 
 /// A board that has just found its controller sets it up while the MainDevice may have begun, which then begins anew.
 async fn to_pre_op(dispatcher: &Dispatcher<'_>) -> Group<PreOp> {
-    for _ in 0..STARTS_MAX {
-        if let Ok(group) = dispatcher.to_pre_op().await {
-            return group;
+    let begin = Instant::now();
+    loop {
+        match dispatcher.to_pre_op().await {
+            Ok(group) => return group,
+            Err(error) => {
+                eprintln!("XX {error:?} {:?}", begin.elapsed());
+                assert!(begin.elapsed() < START_LIMIT, "{error}")
+            }
         }
         Timer::after_millis(200).await;
     }
-    dispatcher.to_pre_op().await.unwrap()
 }
 
 /// Configures the devices, and brings the board to Op.

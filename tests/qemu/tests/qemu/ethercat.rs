@@ -100,10 +100,7 @@ async fn to_pre_op(dispatcher: &Dispatcher<'_>) -> Group<PreOp> {
     loop {
         match dispatcher.to_pre_op().await {
             Ok(group) => return group,
-            Err(error) => {
-                eprintln!("XX {error:?} {:?}", begin.elapsed());
-                assert!(begin.elapsed() < START_LIMIT, "{error}")
-            }
+            Err(error) => assert!(begin.elapsed() < START_LIMIT, "{error}"),
         }
         Timer::after_millis(200).await;
     }

@@ -6,6 +6,7 @@
 use embassy_time::Instant;
 
 use super::ask::Ask;
+use super::candidate;
 use super::frames::Frames;
 use super::help::Help;
 use super::job::Job;
@@ -21,7 +22,7 @@ use crate::settings::Role::{self, Engineer, Operator, Viewer};
 use crate::settings::USERS;
 
 /// Starts a command with its words. A command of several steps becomes the job.
-type Run = for<'g> fn(&mut Session<'_, 'g>, &Words<'_>, &mut Job<'g>) -> Result<Wait, Wrong>;
+pub(super) type Run = for<'g> fn(&mut Session<'_, 'g>, &Words<'_>, &mut Job<'g>) -> Result<Wait, Wrong>;
 
 const PORTS: &[Offer] = &[Offer::Ports];
 const POINTS: &[Offer] = &[Offer::Points];
@@ -244,7 +245,7 @@ update older\talso if it is older than what runs here
     ),
 ];
 
-const fn command(role: Role, help: &'static str, run: Run) -> Verb<Run> {
+pub(super) const fn command(role: Role, help: &'static str, run: Run) -> Verb<Run> {
     Verb::new(role, help, run)
 }
 
@@ -280,7 +281,11 @@ const ELSEWHERE: &[(&str, &str)] = &[
 pub(super) fn known(at: usize) -> Option<Known> {
     match VERBS.get(at) {
         Some(verb) => Some(Known::new(verb)),
-        None => COMMANDS.get(at.checked_sub(VERBS.len())?).map(Known::new),
+        None => {
+            let at = at.checked_sub(VERBS.len())?;
+            let more = || candidate::COMMANDS.get(at - COMMANDS.len());
+            COMMANDS.get(at).or_else(more).map(Known::new)
+        }
     }
 }
 
@@ -320,7 +325,7 @@ impl<'g> Session<'_, 'g> {
         if USERS && self.role < known.role {
             return Ok(self.fail(&Denied::Role { needed: known.role, own: self.role }));
         }
-        match verb.lookup(COMMANDS) {
+        match verb.lookup(COMMANDS).or_else(|| verb.lookup(candidate::COMMANDS)) {
             Some(command) => (command.run)(self, words, job),
             None => Ok(self.change()),
         }

@@ -1,0 +1,214 @@
+//! The commands of a candidate: begin, compare, commit, take back.
+
+use core::fmt::Write as _;
+use core::ops::RangeInclusive;
+
+use embassy_time::Duration;
+use heapless::String;
+
+use super::command::{Run, command};
+use super::job::Job;
+use super::session::Session;
+use super::wait::Wait;
+use crate::gateway::Candidate;
+use crate::gateway::candidate::Uncommitted;
+use crate::language::{Offer, Shown, Verbs, Words, Wrong, time, write_shown_line};
+use crate::settings::Role::{Engineer, Viewer};
+use crate::settings::{LINE_BYTES_MAX, PORTS_MAX, PortId, Settings, Time};
+
+/// How long a commit waits for its confirmation, unless told.
+const CONFIRMED: Duration = Duration::from_secs(5 * 60);
+/// How long it may.
+const CONFIRMED_RANGE: RangeInclusive<Duration> = Duration::from_secs(10)..=Duration::from_secs(24 * 3_600);
+
+/// The commands.
+pub(super) const COMMANDS: Verbs<Run> = &[
+    (
+        "candidate",
+        command(
+            Engineer,
+            "candidate\tbegins settings that commit puts in force at once
+  It has the settings in force. Until commit or discard, lines of settings at
+  all consoles change the candidate. show candidate, diff: what it has.",
+            |session, words, _| {
+                words.end()?;
+                Ok(session.of_candidate(|candidate, session| candidate.begin(session.gateway)))
+            },
+        ),
+    ),
+    (
+        "diff",
+        command(Viewer, "diff\thow the candidate differs, and what restarts", |session, words, job| {
+            words.end()?;
+            if let Some(Err(error)) = session.gateway.candidate().map(Candidate::settings) {
+                return Ok(session.fail(&error));
+            }
+            *job = Job::Diff(Diff::default());
+            Ok(Wait::Sent)
+        }),
+    ),
+    (
+        "commit",
+        command(
+            Engineer,
+            "commit [confirmed [TIME]]\tputs the candidate in force, and saves it
+commit check\tonly checks whether it could
+commit confirmed [TIME]\tin force now; unless a further commit confirms
+\tit within TIME (5m), or after a reset, the
+\tsettings from before are back
+commit\tputs it in force and saves it, or confirms",
+            commit,
+        )
+        .then(&[Offer::Words(&["check", "confirmed"])], &[]),
+    ),
+    (
+        "rollback",
+        command(Engineer, "rollback\ttakes back what waits for its confirmation", |_, words, _| {
+            words.end()?;
+            Ok(Wait::RollBack)
+        }),
+    ),
+    (
+        "discard",
+        command(Engineer, "discard\tdrops the candidate", |session, words, _| {
+            words.end()?;
+            Ok(session.of_candidate(|candidate, _| candidate.discard()))
+        }),
+    ),
+];
+
+/// `commit`, `commit check`, `commit confirmed`, `commit confirmed TIME`
+fn commit(session: &mut Session<'_, '_>, words: &Words<'_>, _: &mut Job<'_>) -> Result<Wait, Wrong> {
+    const KINDS: &[(&str, bool)] = &[("check", false), ("confirmed", true)];
+    if words.peek().is_end() {
+        return Ok(Wait::Commit { confirmed: None });
+    }
+    if !words.take().keyword(KINDS, "check, confirmed or the end of the line")? {
+        words.end()?;
+        return Ok(session.of_candidate(|candidate, session| {
+            session.gateway.check(&*candidate.settings()?)?;
+            session.out.line(format_args!("the board can have it"));
+            Ok(())
+        }));
+    }
+    let confirmed = if words.peek().is_end() { CONFIRMED } else { time(words.take(), &CONFIRMED_RANGE)? };
+    words.end()?;
+    Ok(Wait::Commit { confirmed: Some(confirmed) })
+}
+
+impl<'g> Session<'_, 'g> {
+    /// Does something with the candidate.
+    fn of_candidate(&mut self, run: impl FnOnce(&Candidate, &mut Self) -> Result<(), Uncommitted>) -> Wait {
+        match self.gateway.candidate().ok_or(Uncommitted::Nothing).and_then(|candidate| run(candidate, self))
+        {
+            Ok(()) => Wait::End,
+            Err(error) => self.fail(&error),
+        }
+    }
+
+    /// Reports the outcome of a commit.
+    pub(super) fn committed(&mut self, committed: Result<(), Uncommitted>, confirmed: Option<Duration>) {
+        match (committed, confirmed) {
+            (Err(error), _) => _ = self.fail(&error),
+            (Ok(()), None) => self.out.line(format_args!("in force and saved")),
+            (Ok(()), Some(time)) => self.out.line(format_args!(
+                "in force: commit within {} confirms it, or the settings from before come back",
+                Time(time)
+            )),
+        }
+    }
+
+    /// Reports the outcome of `rollback`.
+    pub(super) fn rolled_back(&mut self, rolled_back: Result<(), Uncommitted>) {
+        match rolled_back {
+            Ok(()) => self.out.line(format_args!("the settings from before are back in force")),
+            Err(error) => _ = self.fail(&error),
+        }
+    }
+}
+
+/// A line of settings.
+type Line = String<LINE_BYTES_MAX>;
+
+/// Line `n` of `settings`.
+fn line(settings: &Settings, n: usize) -> Option<Line> {
+    let mut line = Line::new();
+    // Fits, see LINE_BYTES_MAX.
+    let _ = write_shown_line(settings, n, Shown::Apart, &mut line)?;
+    Some(line)
+}
+
+/// Whether `wanted` is one of the lines of `settings` from line `n` on.
+fn has(settings: &Settings, n: usize, wanted: &Line) -> bool {
+    (n..).map_while(|n| line(settings, n)).any(|line| line == *wanted)
+}
+
+/// The lines that differ, in the order of the settings: a `-` is in force and not in the candidate, a `+` the other way round. A
+/// rule that moves is both.
+#[derive(Debug, Default)]
+pub(super) struct Diff {
+    /// The next line in force, and of the candidate.
+    old: usize,
+    new: usize,
+    /// Whether they are at their end.
+    ended: bool,
+}
+
+impl Diff {
+    /// Shows the next line.
+    pub(super) fn step(&mut self, session: &mut Session<'_, '_>) -> Wait {
+        let gateway = session.gateway;
+        let Some(Ok(candidate)) = gateway.candidate().map(Candidate::settings) else { return Wait::End };
+        if self.ended {
+            gateway.settings(|in_force| restarts(session, in_force, &candidate));
+            return Wait::End;
+        }
+        match gateway.settings(|in_force| self.next(in_force, &candidate)) {
+            Some((sign, line)) => session.out.line(format_args!("{sign} {line}")),
+            None => self.ended = true,
+        }
+        Wait::Sent
+    }
+
+    fn next(&mut self, in_force: &Settings, candidate: &Settings) -> Option<(char, Line)> {
+        loop {
+            match (line(in_force, self.old), line(candidate, self.new)) {
+                (None, None) => return None,
+                (Some(old), Some(new)) if old == new => {
+                    self.old += 1;
+                    self.new += 1;
+                }
+                // A line that the candidate has nowhere is taken out first; then one that it has before others is put in.
+                (Some(old), new) if new.is_none() || !has(candidate, self.new, &old) => {
+                    self.old += 1;
+                    return Some(('-', old));
+                }
+                (Some(old), Some(new)) if has(in_force, self.old, &new) => {
+                    self.old += 1;
+                    return Some(('-', old));
+                }
+                (_, Some(new)) => {
+                    self.new += 1;
+                    return Some(('+', new));
+                }
+                (Some(_), None) => return None,
+            }
+        }
+    }
+}
+
+/// Says which ports end or restart.
+fn restarts(session: &mut Session<'_, '_>, in_force: &Settings, candidate: &Settings) {
+    let mut names = String::<{ PORTS_MAX * 20 }>::new();
+    for index in 0..PORTS_MAX {
+        let id = PortId(index as u8);
+        let named = in_force.port(id).or(candidate.port(id)).filter(|_| in_force.restarts(candidate, id));
+        if let Some(port) = named {
+            // Names have 15 bytes at most.
+            let _ = write!(names, " {}", port.name);
+        }
+    }
+    if !names.is_empty() {
+        session.out.line(format_args!("restarts:{names}"));
+    }
+}

@@ -14,6 +14,9 @@ mod asks;
 mod candidate;
 mod command;
 mod complete;
+// As above.
+#[cfg(feature = "candidate")]
+mod diff;
 mod editor;
 mod frames;
 mod guard;
@@ -36,6 +39,7 @@ mod points;
 mod probe;
 mod registers;
 mod rows;
+mod run;
 mod scan;
 mod session;
 mod shell;

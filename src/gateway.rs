@@ -23,8 +23,11 @@ use crate::stats::Log;
 mod apply;
 // Replaced by a stub in images without a candidate.
 #[cfg_attr(not(feature = "candidate"), path = "gateway/no_candidate.rs")]
-pub(crate) mod candidate;
+mod candidate;
 mod check;
+// As above.
+#[cfg(feature = "candidate")]
+pub(crate) mod commit;
 mod connection;
 pub(crate) mod direct_request;
 mod ethercat;

@@ -13,6 +13,7 @@ use super::job::Job;
 use super::known::Known;
 use super::log_in::Denied;
 use super::point_command::PointCommand;
+use super::run::{Run, command};
 use super::session::Session;
 use super::show::{self, Show, TOPICS, Table};
 use super::wait::{Begun, Wait};
@@ -20,9 +21,6 @@ use crate::language::listed::listed;
 use crate::language::{Offer, Problem, VERBS, Verb, Verbs, Word, Words, Wrong};
 use crate::settings::Role::{self, Engineer, Operator, Viewer};
 use crate::settings::USERS;
-
-/// Starts a command with its words. A command of several steps becomes the job.
-pub(super) type Run = for<'g> fn(&mut Session<'_, 'g>, &Words<'_>, &mut Job<'g>) -> Result<Wait, Wrong>;
 
 const PORTS: &[Offer] = &[Offer::Ports];
 const POINTS: &[Offer] = &[Offer::Points];
@@ -244,10 +242,6 @@ update older\talso if it is older than what runs here
         .then(&[Offer::Verbs], &[]),
     ),
 ];
-
-pub(super) const fn command(role: Role, help: &'static str, run: Run) -> Verb<Run> {
-    Verb::new(role, help, run)
-}
 
 /// A command of data points; refused by images without them.
 const fn of_points(role: Role, help: &'static str, run: Run) -> Verb<Run> {

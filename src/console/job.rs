@@ -3,7 +3,7 @@
 use super::ask::Question;
 // As its module.
 #[cfg(feature = "candidate")]
-use super::candidate::Diff;
+use super::diff::Diff;
 use super::frames::Frames;
 use super::help::{Help, TYPED_COLUMNS};
 use super::points::PointJob;

@@ -1,6 +1,6 @@
 //! Stub for the commands of a candidate, without the feature `candidate`.
 
-use super::command::Run;
+use super::run::Run;
 use crate::language::Verbs;
 
 /// There are none.

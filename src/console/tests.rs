@@ -1,21 +1,17 @@
 //! Whole sessions, typed at a terminal or piped in, against a gateway whose ports nobody runs.
 
 mod board;
-// Only a gateway that was built with one has it.
-#[cfg(feature = "candidate")]
+#[cfg(feature = "candidate")] // Only a gateway that was built with one has it.
 mod candidate;
 mod ends;
 mod help;
-// Only a gateway that was built with users has sessions by network.
-#[cfg(feature = "users")]
+#[cfg(feature = "users")] // As above.
 mod network;
-// Only a gateway that was built with them has some.
-#[cfg(feature = "points")]
+#[cfg(feature = "points")] // As above.
 mod points;
 mod saving;
 mod terminal;
-// As above.
-#[cfg(feature = "users")]
+#[cfg(feature = "users")] // As above.
 mod users;
 
 extern crate std;
@@ -33,7 +29,7 @@ use mobgate_clock as _;
 
 use super::*;
 use crate::frame::{FramePool, Slot};
-use crate::gateway::{Candidate, Connection, Ports};
+use crate::gateway::{Connection, Ports};
 use crate::hal::{NetworkState, NoUpdate, StoreError};
 use crate::modbus::Exception;
 use crate::scanner::ScannerState;
@@ -153,7 +149,7 @@ fn with_gateway(test: impl FnOnce(&Gateway<'_>)) {
     let connections = [const { Connection::new() }; CONNECTIONS];
     let pool = FramePool::new(&slots, CONNECTIONS + 5);
     let scanner = ScannerState::new();
-    let candidate = Candidate::new();
+    let candidate = crate::gateway::Candidate::new();
     test(&Gateway::new(&pool, &ports, &connections).with_scanner(&scanner).with_candidate(&candidate));
 }
 

@@ -1,12 +1,25 @@
 //! Stub for the candidate, without the feature `candidate`.
 
-use super::reconfigure::Unchanged;
-use crate::language::Warning;
+use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
+use embassy_sync::mutex::MutexGuard;
+
+use crate::settings::Settings;
 
 /// There is none.
 pub struct Candidate(());
 
+impl Default for Candidate {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
 impl Candidate {
+    /// No candidate.
+    pub const fn new() -> Self {
+        Self(())
+    }
+
     pub(crate) fn is_open(&self) -> bool {
         false
     }
@@ -17,7 +30,7 @@ impl Candidate {
 
     pub(crate) fn settle(&self) {}
 
-    pub(crate) fn change(&self, _line: &str) -> Option<Result<Option<Warning>, Unchanged>> {
+    pub(crate) fn lock(&self) -> Option<MutexGuard<'_, CriticalSectionRawMutex, Settings>> {
         None
     }
 }

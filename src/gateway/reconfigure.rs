@@ -67,8 +67,9 @@ pub async fn draft<'s>(gateway: &'s Gateway<'_>) -> MutexGuard<'s, CriticalSecti
 
 /// Changes the settings by `line`: those of the candidate, if there is one.
 pub async fn change(gateway: &Gateway<'_>, line: &str) -> Result<Option<Warning>, Unchanged> {
-    if let Some(changed) = gateway.candidate().and_then(|candidate| candidate.change(line)) {
-        return changed;
+    if let Some(candidate) = gateway.candidate().filter(|candidate| candidate.is_open()) {
+        let mut settings = candidate.lock().ok_or(StoreError::Refused("somebody commits at this moment"))?;
+        return Ok(language::apply(&mut settings, line)?.warning);
     }
     let applied = change_by(gateway, |draft| language::apply(draft, line)).await?;
     Ok(applied.warning)

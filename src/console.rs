@@ -9,8 +9,14 @@
 
 mod ask;
 mod asks;
+// Replaced by stubs in images without a candidate.
+#[cfg_attr(not(feature = "candidate"), path = "console/no_candidate.rs")]
+mod candidate;
 mod command;
 mod complete;
+// As above.
+#[cfg(feature = "candidate")]
+mod diff;
 mod editor;
 mod frames;
 mod guard;
@@ -33,6 +39,7 @@ mod points;
 mod probe;
 mod registers;
 mod rows;
+mod run;
 mod scan;
 mod session;
 mod shell;
@@ -164,6 +171,21 @@ async fn work<S: Store, Y: System>(
         Wait::Save { whatever } => {
             let saved = reconfigure::save(session.gateway, store, whatever).await;
             session.saved(saved);
+        }
+        // As for users below.
+        #[cfg(feature = "candidate")]
+        Wait::Commit { confirmed } => {
+            if let Some(candidate) = session.gateway.candidate() {
+                let committed = candidate.commit(session.gateway, store, confirmed).await;
+                session.committed(committed, confirmed);
+            }
+        }
+        #[cfg(feature = "candidate")]
+        Wait::RollBack => {
+            if let Some(candidate) = session.gateway.candidate() {
+                let rolled_back = candidate.roll_back(session.gateway).await;
+                session.rolled_back(rolled_back);
+            }
         }
         Wait::Load => {
             let loaded = reconfigure::load(session.gateway, store).await;

@@ -5,8 +5,8 @@
 //! hold. [`Gateway::apply`] puts new settings in force and restarts what has changed.
 
 use core::cell::RefCell;
-use core::sync::atomic::AtomicBool;
 use core::sync::atomic::Ordering::Relaxed;
+use core::sync::atomic::{AtomicBool, AtomicU32};
 
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
@@ -21,7 +21,13 @@ use crate::settings::{OwnNetwork, PortId, Settings};
 use crate::stats::Log;
 
 mod apply;
+// Replaced by a stub in images without a candidate.
+#[cfg_attr(not(feature = "candidate"), path = "gateway/no_candidate.rs")]
+mod candidate;
 mod check;
+// As above.
+#[cfg(feature = "candidate")]
+pub(crate) mod commit;
 mod connection;
 pub(crate) mod direct_request;
 mod ethercat;
@@ -45,6 +51,7 @@ pub(crate) mod turns;
 #[doc(hidden)] // Public for tests/ only.
 pub mod unit_health;
 
+pub use self::candidate::Candidate;
 pub use self::check::ApplyError;
 pub use self::connection::{Connection, ConnectionState};
 use self::direct_request::DirectRequestState;
@@ -71,6 +78,9 @@ pub struct Gateway<'g> {
     pub(crate) draft: Draft,
     /// Whether the settings in force differ from those last loaded or saved.
     unsaved: AtomicBool,
+    /// How often the settings in force have changed.
+    changes: AtomicU32,
+    candidate: Option<&'g Candidate>,
     /// Whether two device names mean the same serial line.
     same_device: fn(&str, &str) -> bool,
     /// Whether the settings include the board's own address.
@@ -112,6 +122,8 @@ impl<'g> Gateway<'g> {
             settings: Mutex::new(RefCell::new(Settings::new())),
             draft: Draft::new(Settings::new()),
             unsaved: AtomicBool::new(false),
+            changes: AtomicU32::new(0),
+            candidate: None,
             same_device: |one, other| one == other,
             owns_network: false,
             network_changed: Signal::new(),
@@ -134,6 +146,18 @@ impl<'g> Gateway<'g> {
     pub const fn with_same_device(mut self, same_device: fn(&str, &str) -> bool) -> Self {
         self.same_device = same_device;
         self
+    }
+
+    /// Adds a candidate, which takes memory of its own.
+    #[must_use]
+    pub const fn with_candidate(mut self, candidate: &'g Candidate) -> Self {
+        self.candidate = Some(candidate);
+        self
+    }
+
+    /// The candidate, if the board has memory for it.
+    pub(crate) fn candidate(&self) -> Option<&'g Candidate> {
+        self.candidate.filter(|_| cfg!(feature = "candidate"))
     }
 
     /// Adds data points, which take memory of their own.
@@ -249,8 +273,14 @@ impl<'g> Gateway<'g> {
         before
     }
 
+    /// How often the settings in force have changed.
+    pub(crate) fn changes(&self) -> u32 {
+        self.changes.load(Relaxed)
+    }
+
     /// Changes the settings in force. A caller that changes more than what is looked up per request must notify the ports.
     pub(crate) fn change_settings<R>(&self, f: impl FnOnce(&mut Settings) -> R) -> R {
+        self.changes.store(self.changes().wrapping_add(1), Relaxed);
         self.settings.lock(|settings| f(&mut settings.borrow_mut()))
     }
 

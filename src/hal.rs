@@ -277,7 +277,7 @@ pub enum StoreError {
     #[error("writing the settings failed")]
     Failed,
     /// The medium failed, with the reason.
-    #[error("the settings file cannot be read or written: {0}")]
+    #[error("the settings cannot be read or saved: {0}")]
     Refused(&'static str),
 }
 

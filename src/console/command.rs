@@ -6,12 +6,14 @@
 use embassy_time::Instant;
 
 use super::ask::Ask;
+use super::candidate;
 use super::frames::Frames;
 use super::help::Help;
 use super::job::Job;
 use super::known::Known;
 use super::log_in::Denied;
 use super::point_command::PointCommand;
+use super::run::{Run, command};
 use super::session::Session;
 use super::show::{self, Show, TOPICS, Table};
 use super::wait::{Begun, Wait};
@@ -19,9 +21,6 @@ use crate::language::listed::listed;
 use crate::language::{Offer, Problem, VERBS, Verb, Verbs, Word, Words, Wrong};
 use crate::settings::Role::{self, Engineer, Operator, Viewer};
 use crate::settings::USERS;
-
-/// Starts a command with its words. A command of several steps becomes the job.
-type Run = for<'g> fn(&mut Session<'_, 'g>, &Words<'_>, &mut Job<'g>) -> Result<Wait, Wrong>;
 
 const PORTS: &[Offer] = &[Offer::Ports];
 const POINTS: &[Offer] = &[Offer::Points];
@@ -244,10 +243,6 @@ update older\talso if it is older than what runs here
     ),
 ];
 
-const fn command(role: Role, help: &'static str, run: Run) -> Verb<Run> {
-    Verb::new(role, help, run)
-}
-
 /// A command of data points; refused by images without them.
 const fn of_points(role: Role, help: &'static str, run: Run) -> Verb<Run> {
     command(role, help, run).of_points(|session, _, _| Ok(session.fail(&Problem::NoPoints)))
@@ -280,7 +275,11 @@ const ELSEWHERE: &[(&str, &str)] = &[
 pub(super) fn known(at: usize) -> Option<Known> {
     match VERBS.get(at) {
         Some(verb) => Some(Known::new(verb)),
-        None => COMMANDS.get(at.checked_sub(VERBS.len())?).map(Known::new),
+        None => {
+            let at = at.checked_sub(VERBS.len())?;
+            let more = || candidate::COMMANDS.get(at - COMMANDS.len());
+            COMMANDS.get(at).or_else(more).map(Known::new)
+        }
     }
 }
 
@@ -320,7 +319,7 @@ impl<'g> Session<'_, 'g> {
         if USERS && self.role < known.role {
             return Ok(self.fail(&Denied::Role { needed: known.role, own: self.role }));
         }
-        match verb.lookup(COMMANDS) {
+        match verb.lookup(COMMANDS).or_else(|| verb.lookup(candidate::COMMANDS)) {
             Some(command) => (command.run)(self, words, job),
             None => Ok(self.change()),
         }

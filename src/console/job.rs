@@ -1,6 +1,9 @@
 //! Commands of several steps.
 
 use super::ask::Question;
+// As its module.
+#[cfg(feature = "candidate")]
+use super::diff::Diff;
 use super::frames::Frames;
 use super::help::{Help, TYPED_COLUMNS};
 use super::points::PointJob;
@@ -22,6 +25,9 @@ pub(super) enum Job<'g> {
     Scan(Scan),
     Tune(Tune),
     Point(PointJob),
+    // As its module.
+    #[cfg(feature = "candidate")]
+    Diff(Diff),
 }
 
 impl Job<'_> {
@@ -42,6 +48,9 @@ impl Job<'_> {
             Self::Scan(scan) => scan.step(session, came),
             Self::Tune(tune) => tune.step(session, came),
             Self::Point(point) => point.step(session, came),
+            // As above.
+            #[cfg(feature = "candidate")]
+            Self::Diff(diff) => diff.step(session),
         }
     }
 }

@@ -7,6 +7,9 @@ use super::guard::Foreign;
 pub(super) const PROMPT: &str = "mobgate> ";
 /// The prompt while there are unsaved settings.
 pub(super) const PROMPT_UNSAVED: &str = "mobgate*> ";
+/// The prompt while lines change a candidate.
+pub(super) const PROMPT_CANDIDATE: &str = "mobgate(candidate)> ";
+
 /// How a session talks to its peer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Mode {

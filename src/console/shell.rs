@@ -3,7 +3,7 @@
 use super::complete::{Completion, candidates, complete};
 use super::input::{Input, Typed};
 use super::job::Job;
-use super::mode::{Ended, Mode, PROMPT, PROMPT_UNSAVED};
+use super::mode::{Ended, Mode, PROMPT, PROMPT_CANDIDATE, PROMPT_UNSAVED};
 use super::session::Session;
 use super::update::Failed;
 use super::wait::{Wait, WaitEvent};
@@ -34,7 +34,11 @@ impl<'s, 'g> Shell<'s, 'g> {
         if *ended || session.ends {
             return Wait::Exit;
         }
-        let prompt = if session.gateway.has_unsaved() { PROMPT_UNSAVED } else { PROMPT };
+        let prompt = match session.gateway.candidate() {
+            Some(candidate) if candidate.is_open() => PROMPT_CANDIDATE,
+            _ if session.gateway.has_unsaved() => PROMPT_UNSAVED,
+            _ => PROMPT,
+        };
         input.start(prompt, &session.asks, &mut session.out);
         Wait::Key
     }

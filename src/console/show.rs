@@ -16,7 +16,7 @@ use crate::fieldbus::{Controller, EthercatState, LineWriter};
 use crate::gateway::unit_health::{UNITS_MAX, Unit};
 use crate::hal::{NetworkState, System};
 use crate::language::listed::listed;
-use crate::language::{Words, Wrong, write_shown_line};
+use crate::language::{Shown, Words, Wrong, write_shown_line};
 use crate::settings::{self, Endpoint, PortKind, SERVERS, ServerSettings, Settings, Side, User};
 use crate::stats::{Event, LOG_ENTRIES_MAX, LastError};
 
@@ -36,6 +36,9 @@ pub(super) enum Show {
     Config,
     /// The same with the hashes of passwords.
     Secrets,
+    // Images without a candidate have no word of it.
+    #[cfg(feature = "candidate")]
+    Candidate,
     Network,
     Log,
     Frames,
@@ -56,6 +59,9 @@ pub(super) const TOPICS: &[(&str, (Show, &str))] = &[
     ("registers", (Show::Registers, "the gateway's own, where a rule leads to local")),
     ("users", (Show::Users, "who may log in")),
     ("config", (Show::Config, "the settings as lines; config secrets: with hashes")),
+    // As above.
+    #[cfg(feature = "candidate")]
+    ("candidate", (Show::Candidate, "what commit would put in force")),
     ("network", (Show::Network, "the board's own address")),
     ("log", (Show::Log, "the last transactions")),
     ("frames", (Show::Frames, "the last frames, as they were on the wire")),
@@ -137,8 +143,11 @@ fn write(
         Show::Devices => points::device(source, place, out),
         Show::Registers => registers::row(source, place, out),
         Show::Users if settings::USERS => table(USERS, user, out),
-        Show::Config => write_shown_line(source.settings, place, false, out),
-        Show::Secrets => write_shown_line(source.settings, place, true, out),
+        Show::Config => write_shown_line(source.settings, place, Shown::WithoutSecrets, out),
+        Show::Secrets => write_shown_line(source.settings, place, Shown::WithSecrets, out),
+        // As above.
+        #[cfg(feature = "candidate")]
+        Show::Candidate => candidate(source, place, out),
         Show::Network => network(source.settings, system.network(), place, out),
         Show::Log => event(source, system, place, out),
         Show::Version => version(source, system, place, out),
@@ -162,7 +171,7 @@ const fn columns(what: Show) -> Columns {
         Show::Registers => &[5, 7],
         Show::Points => points::COLUMNS,
         Show::Devices => points::DEVICE_COLUMNS,
-        Show::Config | Show::Secrets | Show::Frames | Show::Version | Show::Update => &[],
+        _ => &[],
     }
 }
 
@@ -284,6 +293,21 @@ fn count(source: &Source<'_, '_>, nth: usize, out: &mut dyn fmt::Write) -> Writt
         _ => return None,
     };
     Some(write!(out, "-\t{name}\t{count}\t\t"))
+}
+
+// As above.
+#[cfg(feature = "candidate")]
+fn candidate(source: &Source<'_, '_>, place: usize, out: &mut dyn fmt::Write) -> Written {
+    let candidate = source.gateway.candidate()?;
+    match candidate.remaining(source.now).filter(|_| place == 0) {
+        Some(time) => {
+            Some(write!(out, "# none: a commit waits for its confirmation for another {}s", time.as_secs()))
+        }
+        None => {
+            let settings = candidate.settings().ok()?;
+            write_shown_line(&settings, place, Shown::WithoutSecrets, out)
+        }
+    }
 }
 
 fn network(

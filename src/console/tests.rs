@@ -1,18 +1,17 @@
 //! Whole sessions, typed at a terminal or piped in, against a gateway whose ports nobody runs.
 
 mod board;
+#[cfg(feature = "candidate")] // Only a gateway that was built with one has it.
+mod candidate;
 mod ends;
 mod help;
-// Only a gateway that was built with users has sessions by network.
-#[cfg(feature = "users")]
+#[cfg(feature = "users")] // As above.
 mod network;
-// Only a gateway that was built with them has some.
-#[cfg(feature = "points")]
+#[cfg(feature = "points")] // As above.
 mod points;
 mod saving;
 mod terminal;
-// As above.
-#[cfg(feature = "users")]
+#[cfg(feature = "users")] // As above.
 mod users;
 
 extern crate std;
@@ -150,7 +149,8 @@ fn with_gateway(test: impl FnOnce(&Gateway<'_>)) {
     let connections = [const { Connection::new() }; CONNECTIONS];
     let pool = FramePool::new(&slots, CONNECTIONS + 5);
     let scanner = ScannerState::new();
-    test(&Gateway::new(&pool, &ports, &connections).with_scanner(&scanner));
+    let candidate = crate::gateway::Candidate::new();
+    test(&Gateway::new(&pool, &ports, &connections).with_scanner(&scanner).with_candidate(&candidate));
 }
 
 fn session(gateway: &Gateway<'_>, store: &mut Memory, mode: Mode, typed: &str, piece: usize) -> String {
@@ -212,7 +212,7 @@ fn an_error_in_piped_input_names_its_line_and_the_rest_goes_on() {
              error: line 3, column 33: \"81E\": expected a format such as 8E1, 7E1, 8N1 or 8N2\n\
              error: line 5, column 1: \"shwo\": expected a command (see help); did you mean show?\n\
              error: line 6, column 6: \"prots\": expected ports, servers, routes, units, clients, stats, points, \
-             devices, registers, users, config, network, log, frames, version or update; did you mean ports?\n\
+             devices, registers, users, config, candidate, network, log, frames, version or update; did you mean ports?\n\
              error: line 7, column 12: \"now\": expected the end of the line\n"
         );
         assert_eq!(pipe(gateway, "show config"), "port P1 serial uart1 rtu client 19200 8E1\n");

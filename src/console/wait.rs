@@ -34,6 +34,15 @@ pub(super) enum Wait {
         whatever: bool,
     },
     Load,
+    /// The candidate to be put in force, for good or until it is not confirmed in time; or such a commit to be taken back.
+    // Images without a candidate have no word of it.
+    #[cfg(feature = "candidate")]
+    Commit {
+        confirmed: Option<Duration>,
+    },
+    // As above.
+    #[cfg(feature = "candidate")]
+    RollBack,
     /// The file of a new image.
     Update {
         allow_older: bool,

@@ -19,21 +19,14 @@ impl Gateway<'_> {
         }
         let mut changed = [false; PORTS_MAX];
         let other_slaves = self.settings(|settings| settings.slaves != new.slaves);
-        self.settings.lock(|settings| {
-            let mut settings = settings.borrow_mut();
-            for (changed, (old, new)) in changed.iter_mut().zip(settings.ports.iter().zip(&new.ports)) {
-                // Names and special units are looked up for each request, so they need no restart.
-                *changed = old.as_ref().map(|port| &port.kind) != new.as_ref().map(|port| &port.kind);
-                // The data points behind its pending requests may be gone.
-                *changed |= points == Reloaded::All && new.as_ref().is_some_and(is_scanner);
-            }
+        self.change_settings(|settings| {
             for (index, changed) in changed.iter_mut().enumerate() {
                 let id = PortId(index as u8);
-                let [old, new] =
-                    [&settings, new].map(|settings| settings.servers_of(id).map(|(_, line)| line));
-                *changed |= !old.eq(new);
+                // The data points behind its pending requests may be gone.
+                let reloaded = points == Reloaded::All && new.port(id).is_some_and(is_scanner);
+                *changed = reloaded || settings.restarts(new, id);
             }
-            self.move_server_statuses(&settings, new);
+            self.move_server_statuses(settings, new);
             if settings.own_network() != new.own_network() {
                 self.network_changed.signal(());
             }

@@ -9,7 +9,7 @@ use heapless::String;
 use thiserror::Error;
 
 use super::saved::{self, ReadError};
-use crate::gateway::{ApplyError, Gateway};
+use crate::gateway::{ApplyError, Candidate, Gateway};
 use crate::hal::{Store, StoreError};
 use crate::language;
 use crate::language::{LineError, LoadError, WORD_BYTES_MAX, Warning};
@@ -56,13 +56,21 @@ impl Refused {
     }
 }
 
+/// Why settings are not saved that may yet be taken back.
+pub(crate) const UNCONFIRMED: &str =
+    "a commit waits for its confirmation: `commit` confirms it, `rollback` takes it back";
+
 /// Locks the draft, whatever its content.
 pub async fn draft<'s>(gateway: &'s Gateway<'_>) -> MutexGuard<'s, CriticalSectionRawMutex, Settings> {
     gateway.draft.lock().await
 }
 
-/// Changes the settings by `line`.
+/// Changes the settings by `line`: those of the candidate, if there is one.
 pub async fn change(gateway: &Gateway<'_>, line: &str) -> Result<Option<Warning>, Unchanged> {
+    if let Some(candidate) = gateway.candidate().filter(|candidate| candidate.is_open()) {
+        let mut settings = candidate.lock().ok_or(StoreError::Refused("somebody commits at this moment"))?;
+        return Ok(language::apply(&mut settings, line)?.warning);
+    }
     let applied = change_by(gateway, |draft| language::apply(draft, line)).await?;
     Ok(applied.warning)
 }
@@ -102,6 +110,10 @@ pub(crate) async fn set_password(
 
 /// Writes the settings to `store`; `whatever`: even if the text there was changed by others.
 pub async fn save(gateway: &Gateway<'_>, store: &mut impl Store, whatever: bool) -> Result<(), StoreError> {
+    // A reset must take back what nobody has confirmed.
+    if gateway.candidate().is_some_and(Candidate::is_waiting) {
+        return Err(StoreError::Refused(UNCONFIRMED));
+    }
     let mut draft = draft(gateway).await;
     gateway.settings(|settings| draft.clone_from(settings));
     // Changes during the write are not saved.
@@ -164,6 +176,7 @@ pub fn take_over(
     gateway.apply(settings)?;
     store.taken_over();
     gateway.set_unsaved(false);
+    gateway.candidate().into_iter().for_each(Candidate::settle);
     Ok(())
 }
 

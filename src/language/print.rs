@@ -24,19 +24,30 @@ pub const SPEED_BYTES_MAX: usize = 16;
 /// A line contains every value that differs from its default, and always the baud rate and format. The lines of users have the
 /// hashes of their passwords.
 pub fn write_line(settings: &Settings, n: usize, out: &mut dyn Write) -> Option<fmt::Result> {
-    write_shown_line(settings, n, true, out)
+    write_shown_line(settings, n, Shown::WithSecrets, out)
+}
+
+/// What is shown of the settings.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Shown {
+    WithSecrets,
+    WithoutSecrets,
+    /// Without secrets, and each line by itself: names are not aligned with those of other lines.
+    Apart,
 }
 
 /// The same with or without secrets.
 pub(crate) fn write_shown_line(
     settings: &Settings,
     n: usize,
-    secrets: bool,
+    shown: Shown,
     out: &mut dyn Write,
 ) -> Option<fmt::Result> {
     if let Some(user) = settings.users.get(n).filter(|_| USERS) {
         return Some(match &user.password {
-            Some(password) if secrets => write!(out, "user {user} password \"{password}\""),
+            Some(password) if shown == Shown::WithSecrets => {
+                write!(out, "user {user} password \"{password}\"")
+            }
             _ => write!(out, "user {user}"),
         });
     }
@@ -52,7 +63,8 @@ pub(crate) fn write_shown_line(
         _ => n - 1,
     };
     let ports = || settings.ports.iter().flatten();
-    let width = ports().map(|port| port.name.len()).max().unwrap_or(0);
+    let widest = || ports().map(|port| port.name.len()).max().unwrap_or(0);
+    let width = if shown == Shown::Apart { 0 } else { widest() };
     match ports().nth(n) {
         Some(port) => Some(write_port(port, width, out)),
         None => {
@@ -63,21 +75,22 @@ pub(crate) fn write_shown_line(
             let n = n.checked_sub(settings.servers.len())?;
             match settings.routes.get(n) {
                 Some(route) => Some(write_route(settings, route, width, out)),
-                None => write_points(settings, n - settings.routes.len(), out),
+                None => write_points(settings, n - settings.routes.len(), shown, out),
             }
         }
     }
 }
 
 /// Devices, then points, then slaves.
-fn write_points(settings: &Settings, n: usize, out: &mut dyn Write) -> Option<fmt::Result> {
+fn write_points(settings: &Settings, n: usize, shown: Shown, out: &mut dyn Write) -> Option<fmt::Result> {
     if !POINTS {
         return None;
     }
     if let Some(device) = settings.devices.get(n) {
         return Some(write!(out, "{device}"));
     }
-    let width = settings.points.iter().map(|point| point.name.len()).max().unwrap_or(0);
+    let widest = || settings.points.iter().map(|point| point.name.len()).max().unwrap_or(0);
+    let width = if shown == Shown::Apart { 0 } else { widest() };
     let n = n.checked_sub(settings.devices.len())?;
     if let Some(point) = settings.points.get(n) {
         return Some(write!(out, "point {:width$} {}", point.name, PointWords { settings, point }));

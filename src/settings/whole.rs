@@ -87,6 +87,14 @@ impl Settings {
         Some(PortId(found as u8))
     }
 
+    /// Whether the port at `id` must restart for the settings `new`. Names and special units are looked up for each request.
+    pub(crate) fn restarts(&self, new: &Self, id: PortId) -> bool {
+        let [kind, new_kind] = [self, new].map(|settings| settings.port(id).map(|port| &port.kind));
+        let [servers, new_servers] =
+            [self, new].map(|settings| settings.servers_of(id).map(|(_, line)| line));
+        kind != new_kind || !servers.eq(new_servers)
+    }
+
     /// The TCP server at `id`, if the port is one.
     pub fn tcp_server(&self, id: PortId) -> Option<&TcpServerSettings> {
         match &self.port(id)?.kind {

@@ -75,6 +75,12 @@ const LINES_GOOD: &[&str] = &[
     "clear log",
     "save",
     "load",
+    "candidate",
+    "diff",
+    "commit",
+    "commit confirmed 10s",
+    "rollback",
+    "discard",
     "reboot",
 ];
 

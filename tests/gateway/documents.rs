@@ -33,6 +33,9 @@ fn settings_of_boards_are_good() {
     }
 }
 
+/// What a line that is typed begins with.
+const PROMPTS: [&str; 3] = ["mobgate> ", "mobgate*> ", "mobgate(candidate)> "];
+
 /// Plays a session; an error shows what was printed.
 fn played(block: &Block) -> Result<(), String> {
     let (units, settings): (Vec<&String>, _) = block.with.iter().partition(|line| line.starts_with("units "));
@@ -44,9 +47,8 @@ fn played(block: &Block) -> Result<(), String> {
             let (_, command) =
                 line.split_once("> ").unwrap_or_else(|| panic!("{}: no prompt: {line}", block.place));
             let mut expected = Vec::new();
-            while let Some(line) =
-                lines.next_if(|line| !line.starts_with("mobgate> ") && !line.starts_with("mobgate*> "))
-            {
+            let is_prompt = |line: &str| PROMPTS.iter().any(|prompt| line.starts_with(prompt));
+            while let Some(line) = lines.next_if(|line| !is_prompt(line)) {
                 expected.push(line);
             }
             let printed = world.run_until(typed(rig.gateway, command));

@@ -5,6 +5,7 @@ use mobgate_clock as _;
 
 mod answer_times;
 mod cache;
+mod candidates;
 mod capture;
 mod closing_server;
 mod console_lines;

@@ -12,7 +12,7 @@ use mobgate::capture::Capture;
 use mobgate::fieldbus::EthercatState;
 use mobgate::frame::{FramePool, Slot};
 use mobgate::gateway::reconfigure;
-use mobgate::gateway::{Connection, Gateway, Ports};
+use mobgate::gateway::{Candidate, Connection, Gateway, Ports};
 use mobgate::hal::{OpenError, System};
 use mobgate::scanner::ScannerState;
 use mobgate::settings::{PORTS_MAX, PasswordHash, PortId, Settings, TcpListen};
@@ -42,10 +42,12 @@ static POOL: FramePool<'static> = FramePool::new(&SLOTS, RESERVED);
 static PORT_STATES: Ports<PORTS_MAX> = Ports::new();
 static CONNECTION_STATES: [Connection; CONNECTIONS] = [const { Connection::new() }; CONNECTIONS];
 static POINTS: ScannerState = ScannerState::new();
+static CANDIDATE: Candidate = Candidate::new();
 static CAPTURE: Capture = Capture::new();
 /// The gateway as an EtherCAT SubDevice.
 static ETHERCAT: EthercatState = EthercatState::long();
 static GATEWAY: Gateway<'static> = Gateway::new(&POOL, &PORT_STATES, &CONNECTION_STATES)
+    .with_candidate(&CANDIDATE)
     .with_scanner(&POINTS)
     .with_ethercat_interfaces(&ETHERCAT)
     .with_capture(&CAPTURE)
@@ -92,6 +94,11 @@ async fn ethercat_controller() {
 #[embassy_executor::task]
 async fn keep_settings(mut store: FileStore) {
     GATEWAY.keep_settings(&mut store).await
+}
+
+#[embassy_executor::task]
+async fn commits() {
+    GATEWAY.watch_commits().await;
 }
 
 #[embassy_executor::task]
@@ -254,6 +261,7 @@ fn spawn(
     spawner.spawn(capture_into_file().unwrap());
     spawner.spawn(found_on_the_network().unwrap());
     spawner.spawn(service_manager().unwrap());
+    spawner.spawn(commits().unwrap());
     let sessions = Rc::<Sessions>::default();
     for number in 0..SESSIONS_MAX {
         spawner.spawn(console_session(sessions.clone(), number, store.clone()).unwrap());

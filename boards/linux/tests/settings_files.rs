@@ -305,10 +305,7 @@ fn a_full_disk_is_named_and_leaves_the_old_file() {
         printf '%s\\n' \"$text\" >\"$1/mobgate.conf\"
         head -c 100000 /dev/zero >\"$1/filler\" 2>/dev/null || true";
     let (program, said) = save_where(&["--mount", "--map-root-user"], full);
-    assert!(
-        said.contains("error: line 2, the settings file cannot be read or written: the disk is full"),
-        "{said}"
-    );
+    assert!(said.contains("error: line 2, the settings cannot be read or saved: the disk is full"), "{said}");
     assert_eq!(seen_by(&program), (with_user(program.port), 1));
 }
 

@@ -69,14 +69,36 @@ fn after_five_failures_a_pause_is_said_and_the_local_console_is_open() {
 
 /// The commands that a role may run, besides those of the role before.
 const ALLOWED: [(&str, &[&str]); 3] = [
-    ("viewer", &["show", "watch", "exit", "help"]),
+    ("viewer", &["show", "watch", "exit", "help", "diff"]),
     ("operator", &["ping", "read", "write", "mark", "begin", "finish", "clear"]),
     (
         "engineer",
         &[
-            "port", "server", "route", "device", "point", "slave", "edit", "insert", "move", "delete",
-            "network", "mdns", "user", "scan", "tune", "capture", "password", "save", "load", "update",
+            "port",
+            "server",
+            "route",
+            "device",
+            "point",
+            "slave",
+            "edit",
+            "insert",
+            "move",
+            "delete",
+            "network",
+            "mdns",
+            "user",
+            "scan",
+            "tune",
+            "capture",
+            "password",
+            "save",
+            "load",
+            "update",
             "reboot",
+            "candidate",
+            "commit",
+            "rollback",
+            "discard",
         ],
     ),
 ];
@@ -108,7 +130,7 @@ fn help_lists_what_the_role_may_run() {
             let said = as_user(gateway, role, "help\n");
             said.lines().map(|line| line.split(' ').next().unwrap().to_string()).collect::<Vec<_>>()
         };
-        assert_eq!(commands("viewer"), ["show", "watch", "exit", "help"]);
+        assert_eq!(commands("viewer"), ["show", "watch", "exit", "help", "diff"]);
         assert!(
             commands("operator").contains(&"write".into()) && !commands("operator").contains(&"save".into())
         );

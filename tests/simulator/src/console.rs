@@ -34,13 +34,26 @@ async fn typed_in(gateway: &Gateway<'_>, parts: &[(Duration, &str)], mode: Mode)
     let Ok(_) =
         run(gateway, &mut terminal, &mut NoStore, &mut NoUpdate("this is a simulation"), &Simulator, mode)
             .await;
-    String::from_utf8_lossy(&terminal.printed).into_owned()
+    terminal.printed()
 }
 
-struct Terminal<'t> {
+/// Who types at a console, and reads what it prints.
+pub struct Terminal<'t> {
     /// What is typed, and when.
     parts: VecDeque<(Instant, &'t [u8])>,
     printed: Vec<u8>,
+}
+
+impl<'t> Terminal<'t> {
+    /// Types `text` at once.
+    pub fn of(text: &'t str) -> Self {
+        Self { parts: [(Instant::now(), text.as_bytes())].into(), printed: Vec::new() }
+    }
+
+    /// What was printed so far.
+    pub fn printed(&self) -> String {
+        String::from_utf8_lossy(&self.printed).into_owned()
+    }
 }
 
 impl ErrorType for Terminal<'_> {

@@ -12,7 +12,7 @@ use embassy_time::Duration;
 use mobgate::capture::Capture;
 use mobgate::fieldbus::EthercatState;
 use mobgate::frame::{FramePool, Slot};
-use mobgate::gateway::{Connection, Gateway, Ports};
+use mobgate::gateway::{Candidate, Connection, Gateway, Ports};
 use mobgate::language::{Loader, apply};
 use mobgate::scanner::ScannerState;
 use mobgate::settings::{Framing, PORTS_MAX, PortId, PortKind, SerialSettings, Settings, Side};
@@ -108,7 +108,8 @@ pub fn with_gateway_on<T>(
     let scanner = ScannerState::new();
     let capture = Capture::new();
     let ethercat = (size.ethercat)();
-    let gateway = Gateway::new(&pool, &places, &connections);
+    let candidate = Candidate::new();
+    let gateway = Gateway::new(&pool, &places, &connections).with_candidate(&candidate);
     let gateway = gateway.with_scanner(&scanner).with_capture(&capture).with_ethercat(&ethercat);
     let mut world = World::on(clock, seed);
     let rig = Rig { gateway: &gateway, network: Network::new(seed), lines };

@@ -1,0 +1,172 @@
+//! Begins a candidate, puts it in force, and takes it back.
+
+use core::convert::Infallible;
+use core::future::pending;
+
+use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
+use embassy_sync::mutex::{MutexGuard, TryLockError};
+use embassy_time::{Duration, Instant, with_deadline};
+use thiserror::Error;
+
+use super::candidate::{Candidate, Stage};
+use super::{ApplyError, Gateway, reconfigure, saved};
+use crate::hal::{Store, StoreError};
+use crate::settings::Settings;
+
+/// Why a candidate is not begun, changed or committed.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+pub(crate) enum Uncommitted {
+    #[error("there is no candidate: `candidate` begins one")]
+    Nothing,
+    #[error("there is a candidate already: `commit` puts it in force, `discard` drops it")]
+    Open,
+    #[error("{}", reconfigure::UNCONFIRMED)]
+    Waiting,
+    #[error("no commit waits for its confirmation")]
+    NotWaiting,
+    #[error(
+        "the settings in force have changed since the candidate was begun: see `diff`, then `commit` again"
+    )]
+    Changed,
+    #[error("somebody commits at this moment")]
+    Busy,
+    #[error(transparent)]
+    Apply(#[from] ApplyError),
+    #[error("nothing has changed: {0}")]
+    Store(#[from] StoreError),
+}
+
+impl From<TryLockError> for Uncommitted {
+    fn from(_: TryLockError) -> Self {
+        Self::Busy
+    }
+}
+
+impl Candidate {
+    /// The candidate's settings.
+    pub(crate) fn settings(&self) -> Result<MutexGuard<'_, CriticalSectionRawMutex, Settings>, Uncommitted> {
+        if !self.is_open() {
+            return Err(Uncommitted::Nothing);
+        }
+        Ok(self.settings.try_lock()?)
+    }
+
+    /// Begins a candidate with the settings in force.
+    pub(crate) fn begin(&self, gateway: &Gateway<'_>) -> Result<(), Uncommitted> {
+        match self.stage() {
+            Stage::Nothing => {}
+            Stage::Open { .. } => return Err(Uncommitted::Open),
+            Stage::Waiting { .. } => return Err(Uncommitted::Waiting),
+        }
+        let mut settings = self.settings.try_lock()?;
+        gateway.settings(|in_force| settings.clone_from(in_force));
+        self.set(Stage::Open { changes: gateway.changes() });
+        Ok(())
+    }
+
+    /// Drops the candidate.
+    pub(crate) fn discard(&self) -> Result<(), Uncommitted> {
+        drop(self.settings()?);
+        self.set(Stage::Nothing);
+        Ok(())
+    }
+
+    /// Puts the candidate in force: saves it, or waits for its confirmation for `confirmed`. Confirms a commit that waits. After an
+    /// error the settings in force are those of before.
+    pub(crate) async fn commit(
+        &self,
+        gateway: &Gateway<'_>,
+        store: &mut impl Store,
+        confirmed: Option<Duration>,
+    ) -> Result<(), Uncommitted> {
+        let mut settings = self.settings.try_lock()?;
+        let changes = match (self.stage(), confirmed) {
+            (Stage::Nothing, _) => return Err(Uncommitted::Nothing),
+            (Stage::Waiting { unsaved, .. }, Some(time)) => {
+                self.set(Stage::Waiting { until: Instant::now() + time, unsaved });
+                return Ok(());
+            }
+            (Stage::Waiting { .. }, None) => {
+                self.save(gateway, store).await?;
+                self.set(Stage::Nothing);
+                return Ok(());
+            }
+            (Stage::Open { changes }, _) => changes,
+        };
+        if changes != gateway.changes() {
+            self.set(Stage::Open { changes: gateway.changes() });
+            return Err(Uncommitted::Changed);
+        }
+        let mut before = reconfigure::draft(gateway).await;
+        gateway.settings(|in_force| before.clone_from(in_force));
+        gateway.apply(&settings)?;
+        let unsaved = gateway.set_unsaved(true);
+        if let Some(time) = confirmed {
+            settings.clone_from(&before);
+            self.set(Stage::Waiting { until: Instant::now() + time, unsaved });
+            return Ok(());
+        }
+        store.overwrite(false);
+        match saved::write_store(&settings, store).await {
+            Ok(()) => {
+                gateway.set_unsaved(false);
+                self.set(Stage::Nothing);
+                Ok(())
+            }
+            Err(error) => {
+                self.go_back(gateway, &before, unsaved);
+                self.set(Stage::Open { changes: gateway.changes() });
+                Err(error.into())
+            }
+        }
+    }
+
+    /// Saves the settings in force, which a commit has put there.
+    async fn save(&self, gateway: &Gateway<'_>, store: &mut impl Store) -> Result<(), StoreError> {
+        let mut draft = reconfigure::draft(gateway).await;
+        gateway.settings(|in_force| draft.clone_from(in_force));
+        store.overwrite(false);
+        saved::write_store(&draft, store).await?;
+        gateway.set_unsaved(false);
+        Ok(())
+    }
+
+    /// Takes back a commit that waits for its confirmation.
+    pub(crate) async fn roll_back(&self, gateway: &Gateway<'_>) -> Result<(), Uncommitted> {
+        let settings = self.settings.lock().await;
+        let Stage::Waiting { unsaved, .. } = self.stage() else { return Err(Uncommitted::NotWaiting) };
+        // Nobody changes settings meanwhile.
+        let _draft = reconfigure::draft(gateway).await;
+        self.go_back(gateway, &settings, unsaved);
+        self.set(Stage::Nothing);
+        Ok(())
+    }
+
+    fn go_back(&self, gateway: &Gateway<'_>, before: &Settings, unsaved: bool) {
+        match gateway.apply(before) {
+            Ok(()) => _ = gateway.set_unsaved(unsaved),
+            // They were in force: the board has what they need.
+            Err(error) => log_warn!("the settings from before cannot be applied: {error}"),
+        }
+    }
+}
+
+impl Gateway<'_> {
+    /// Takes back commits that nobody confirms in time, forever. A board with a candidate runs it once.
+    pub async fn watch_commits(&self) -> Infallible {
+        loop {
+            let Some(candidate) = self.candidate() else { pending().await };
+            let changed = candidate.changed.wait();
+            let is_over = match candidate.stage() {
+                Stage::Waiting { until, .. } => with_deadline(until, changed).await.is_err(),
+                Stage::Nothing | Stage::Open { .. } => {
+                    changed.await;
+                    false
+                }
+            };
+            if is_over && candidate.roll_back(self).await.is_ok() {
+                log_warn!("nobody has confirmed the commit: the settings from before are back in force");
+            }
+        }
+    }
+}

@@ -1,0 +1,203 @@
+//! Random commits, with resets and power cuts in every step of a save: whoever has cut off his own access has it back in time, and
+//! what was confirmed is kept.
+
+use embassy_futures::select::{Either, select};
+use mobgate::console::{Mode, run};
+use mobgate::frame::{FramePool, Slot};
+use mobgate::gateway::{Candidate, Gateway, Ports, reconfigure};
+use mobgate::hal::{NoUpdate, Store, StoreError};
+use mobgate_simulator::console::{Simulator, Terminal};
+use mobgate_simulator::random::each_seed;
+
+use crate::prelude::*;
+
+/// Commits in all by default; `MOBGATE_COMMITS` says how many else.
+const COMMITS: u64 = 10_000;
+/// Steps of a world.
+const STEPS: usize = 60;
+/// The longest that a commit waits for its confirmation here.
+const CONFIRMED_MAX_S: u64 = 60;
+/// The line by which its user reaches the gateway: without it nobody types anything.
+const ACCESS: &str = "port access tcp server 502";
+
+/// A store whose power is cut in the middle of a save.
+#[derive(Default)]
+struct Medium {
+    saved: Vec<u8>,
+    next: Vec<u8>,
+    /// Calls until the power is cut, before or behind what the call does.
+    calls_left: Option<(u64, bool)>,
+}
+
+impl Medium {
+    /// Does `work`, unless the power is cut before; never returns if it is.
+    async fn call(&mut self, work: impl FnOnce(&mut Self)) {
+        if let Some((calls, late)) = &mut self.calls_left {
+            if *calls == 0 {
+                if *late {
+                    work(self);
+                }
+                return std::future::pending().await;
+            }
+            *calls -= 1;
+        }
+        work(self);
+    }
+}
+
+impl Store for Medium {
+    async fn read(&mut self, offset: usize, into: &mut [u8]) -> Result<usize, StoreError> {
+        let rest = self.saved.get(offset..).unwrap_or_default();
+        let count = rest.len().min(into.len());
+        into[..count].copy_from_slice(&rest[..count]);
+        Ok(count)
+    }
+
+    async fn append(&mut self, text: &[u8]) -> Result<(), StoreError> {
+        self.call(|medium| medium.next.extend_from_slice(text)).await;
+        Ok(())
+    }
+
+    async fn commit(&mut self) -> Result<(), StoreError> {
+        self.call(|medium| medium.saved = std::mem::take(&mut medium.next)).await;
+        Ok(())
+    }
+}
+
+/// The settings in force as text.
+fn in_force(gateway: &Gateway<'_>) -> String {
+    gateway.settings(|settings| {
+        let mut text = String::new();
+        (0..)
+            .map_while(|n| mobgate::language::write_line(settings, n, &mut text).map(|_| text.push('\n')))
+            .count();
+        text
+    })
+}
+
+/// What happens over many lives of a gateway.
+struct History {
+    random: Random,
+    medium: Medium,
+    steps: usize,
+    commits: u64,
+    lock_outs: u64,
+    /// The text that was last said to be saved.
+    kept: String,
+}
+
+impl History {
+    /// A line that the user types.
+    fn line(&mut self) -> String {
+        let number = self.random.within(1..=3);
+        match self.random.index(16) {
+            0..=3 => "candidate".into(),
+            4 | 5 => format!("port P{number} tcp server 200{number} clients {}", self.random.within(1..=3)),
+            6 => format!("delete port P{number}"),
+            7 | 8 => "delete port access".into(),
+            9 => ACCESS.into(),
+            10..=12 => format!("commit confirmed {}s", self.random.within(10..=CONFIRMED_MAX_S)),
+            // Somebody who commits for good has looked at what he does: the last line of his candidate brings his access back.
+            13 | 14 => "commit".into(),
+            _ => ["discard", "rollback", "commit check", "diff"][self.random.index(4)].into(),
+        }
+    }
+
+    /// One life, until the steps are over or a reset.
+    fn live(&mut self, seed: u64) {
+        let slots = [const { Slot::new() }; 40];
+        let (ports, candidate) = (Ports::<5>::new(), Candidate::new());
+        let pool = FramePool::new(&slots, 32);
+        let connections = [const { mobgate::gateway::Connection::new() }; 27];
+        let gateway = Gateway::new(&pool, &ports, &connections).with_candidate(&candidate);
+        let mut world = World::new(seed);
+        world.run_until(reconfigure::load(&gateway, &mut self.medium)).expect("what is saved can be read");
+        assert!(in_force(&gateway).contains(ACCESS), "a reset gives the access back");
+        world.spawn(gateway.watch_commits());
+        while self.steps > 0 {
+            self.steps -= 1;
+            if !in_force(&gateway).contains(ACCESS) {
+                // Nobody gets in: the gateway must help itself, or somebody resets it.
+                if self.random.chance(0.3) {
+                    return;
+                }
+                world.run_for(Duration::from_secs(CONFIRMED_MAX_S) + MS);
+                if !in_force(&gateway).contains(ACCESS) {
+                    println!("seed {seed}: locked out");
+                    self.lock_outs += 1;
+                    return;
+                }
+                continue;
+            }
+            match self.random.index(12) {
+                0 => return,
+                1 => world.run_for(Duration::from_secs(self.random.within(1..=CONFIRMED_MAX_S))),
+                _ => {
+                    if !self.step(&mut world, &gateway) {
+                        return;
+                    }
+                }
+            }
+        }
+    }
+
+    /// Types a line; false if the power is cut meanwhile.
+    fn step<'w>(&mut self, world: &mut World<'w>, gateway: &Gateway<'_>) -> bool {
+        let mut line = self.line();
+        // A direct line, and a commit for good, that cut the own access are refused to sessions by network; this user heeds that.
+        let shown = world.run_until(typed(gateway, "show candidate"));
+        let checked = world.run_until(typed(gateway, "commit check"));
+        let has_candidate = !checked.contains("there is no candidate");
+        if line == "delete port access" && !has_candidate
+            || line == "commit" && has_candidate && !shown.contains(ACCESS)
+        {
+            line = "commit confirmed 30s".into();
+        }
+        let is_commit = line.starts_with("commit") && !line.ends_with("check");
+        self.commits += u64::from(is_commit);
+        self.medium.calls_left =
+            self.random.chance(0.2).then(|| (self.random.within(0..=6), self.random.chance(0.5)));
+        let (mut terminal, mut no_update) = (Terminal::of(&line), NoUpdate("this is a simulation"));
+        let session = run(gateway, &mut terminal, &mut self.medium, &mut no_update, &Simulator, Mode::Plain);
+        let before = self.kept.clone();
+        let ended = world.run_until(select(session, Timer::after(SECOND)));
+        let saved = String::from_utf8_lossy(&self.medium.saved).into_owned();
+        self.medium.calls_left = None;
+        self.medium.next.clear();
+        if let Either::Second(()) = ended {
+            // Power is gone in the middle of a save: the text is the old one or the new one.
+            assert!(saved == before || saved == in_force(gateway), "{line}: {saved}");
+            self.kept = saved;
+            return false;
+        }
+        if terminal.printed().contains("in force and saved") {
+            self.kept = in_force(gateway);
+        }
+        assert_eq!(saved, self.kept, "{line}: what is saved is what was said to be");
+        true
+    }
+}
+
+#[test]
+fn commits_lock_nobody_out_and_keep_what_was_confirmed() {
+    let wanted = mobgate_simulator::random::chosen("MOBGATE_COMMITS").unwrap_or(COMMITS);
+    let (mut commits, mut lock_outs) = (0, 0);
+    each_seed(wanted / 10, |seed| {
+        let kept = format!("{ACCESS}\n");
+        let medium = Medium { saved: kept.clone().into_bytes(), ..Medium::default() };
+        let mut history =
+            History { random: Random::new(seed), medium, steps: STEPS, commits: 0, lock_outs: 0, kept };
+        while history.steps > 0 {
+            let life = history.random.bits();
+            history.live(life);
+            assert_eq!(String::from_utf8_lossy(&history.medium.saved), history.kept);
+        }
+        commits += history.commits;
+        lock_outs += history.lock_outs;
+    });
+    let target = mobgate_simulator::random::chosen("MOBGATE_SEED").map_or(wanted, |_| 0);
+    let verdict = |good| if good { "ok" } else { "short" };
+    println!("figure commits_random {commits} commits >={target} {}", verdict(commits >= target));
+    println!("figure commits_lock_outs {lock_outs} lock-outs <=0 {}", verdict(lock_outs == 0));
+    assert!(commits >= target && lock_outs == 0);
+}

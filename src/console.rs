@@ -9,6 +9,9 @@
 
 mod ask;
 mod asks;
+// Without users there is no audit trail.
+#[cfg(feature = "users")]
+mod audit;
 mod command;
 mod complete;
 mod editor;
@@ -158,7 +161,9 @@ async fn work<S: Store, Y: System>(
             }
         }
         Wait::Change => {
-            let changed = reconfigure::change(session.gateway, input.line()).await;
+            let changed =
+                reconfigure::change(session.gateway, input.line(), &|| session.audit_line(input.line()))
+                    .await;
             session.changed(changed);
         }
         Wait::Save { whatever } => {
@@ -166,7 +171,8 @@ async fn work<S: Store, Y: System>(
             session.saved(saved);
         }
         Wait::Load => {
-            let loaded = reconfigure::load(session.gateway, store).await;
+            let loaded =
+                reconfigure::load(session.gateway, store, &|new| session.audit_difference(new)).await;
             session.loaded(loaded);
         }
         // Without users nobody waits for these; a constant would leave their code in the future.

@@ -17,10 +17,12 @@ use crate::fieldbus::EthercatState;
 use crate::frame::{Channel, Envelope, Frame, FramePool, FrameWriter, Origin, ReplyTo, Stage};
 use crate::modbus::Exception;
 use crate::scanner::{POINTS, ScannerState};
-use crate::settings::{OwnNetwork, PortId, Settings};
+use crate::settings::{OwnNetwork, PortId, Settings, USERS};
 use crate::stats::Log;
 
 mod apply;
+#[doc(hidden)] // Public for boards and tests.
+pub mod audit;
 mod check;
 mod connection;
 pub(crate) mod direct_request;
@@ -45,6 +47,7 @@ pub(crate) mod turns;
 #[doc(hidden)] // Public for tests/ only.
 pub mod unit_health;
 
+use self::audit::state::Audit;
 pub use self::check::ApplyError;
 pub use self::connection::{Connection, ConnectionState};
 use self::direct_request::DirectRequestState;
@@ -86,6 +89,8 @@ pub struct Gateway<'g> {
     events: Shared<Events>,
     /// Failed attempts to log in.
     attempts: Shared<Attempts>,
+    /// The audit trail, where there are users.
+    audit: [Audit; USERS as usize],
     scanner: Option<&'g ScannerState>,
     capture: Option<&'g Capture>,
     ethercat: Option<&'g EthercatState>,
@@ -121,6 +126,7 @@ impl<'g> Gateway<'g> {
             direct_request: DirectRequestState::new(),
             events: Mutex::new(RefCell::new(Events::new())),
             attempts: Mutex::new(RefCell::new(Attempts::new())),
+            audit: [const { Audit::new() }; USERS as usize],
             scanner: None,
             capture: None,
             ethercat: None,

@@ -32,8 +32,8 @@ const COMMANDS: Verbs<Run> = &[
         "show",
         command(Viewer, "show TOPIC\thow things are: ports, units, routes, ...", |session, words, job| {
             let show = show::topic(words)?;
-            if USERS && show == Show::Secrets && (session.peer.is_some() || session.role < Engineer) {
-                return Ok(session.fail(&Denied::NotLocal));
+            if let Some(denied) = show.denied(session) {
+                return Ok(session.fail(&denied));
             }
             *job = match show {
                 Show::Frames => Job::Frames(Frames::last(session.gateway)),
@@ -53,7 +53,7 @@ const COMMANDS: Verbs<Run> = &[
     ),
     (
         "scan",
-        command(
+        ordered(
             Engineer,
             "scan PORT [OPTION]...\tfinds the devices on a serial client's line
   OPTION: BAUD, units A-B, timeout T, function N
@@ -69,7 +69,7 @@ const COMMANDS: Verbs<Run> = &[
     ),
     (
         "tune",
-        command(
+        ordered(
             Engineer,
             "tune PORT [OPTION]...\tmeasures response times, proposes a timeout
 tune PORT [units A-B] [count N]
@@ -94,7 +94,7 @@ read UNIT coil|discrete|input|holding ADDRESS [OPTION]... via PORT
     ),
     (
         "write",
-        command(
+        ordered(
             Operator,
             "write UNIT|POINT ...\twrites at once
 write POINT [[at N] VALUE...]\tsets its values, from value N on; between
@@ -137,7 +137,7 @@ write UNIT coil|holding ADDRESS [OPTION]... VALUE... via PORT
     ),
     (
         "clear",
-        command(
+        ordered(
             Operator,
             "clear stats|log\tforgets counters or transactions
 clear stats\tsets counters to zero, those of units too
@@ -151,7 +151,7 @@ clear log\tforgets the transactions",
     ),
     (
         "capture",
-        command(
+        ordered(
             Engineer,
             "capture FILE|off\twrites frames into a file, for Wireshark
 capture FILE\ta new one (PCAPNG); on Linux
@@ -221,7 +221,7 @@ update older\talso if it is older than what runs here
     ),
     (
         "reboot",
-        command(Engineer, "reboot\tstarts again with the saved settings", |session, words, _| {
+        ordered(Engineer, "reboot\tstarts again with the saved settings", |session, words, _| {
             let wait = alone(words, Wait::Reboot)?;
             session.out.line(format_args!("starting again"));
             Ok(wait)
@@ -248,9 +248,14 @@ const fn command(role: Role, help: &'static str, run: Run) -> Verb<Run> {
     Verb::new(role, help, run)
 }
 
-/// A command of data points; refused by images without them.
+/// A command whose lines the audit trail has.
+const fn ordered(role: Role, help: &'static str, run: Run) -> Verb<Run> {
+    command(role, help, run).audited()
+}
+
+/// The same of data points; refused by images without them.
 const fn of_points(role: Role, help: &'static str, run: Run) -> Verb<Run> {
-    command(role, help, run).of_points(|session, _, _| Ok(session.fail(&Problem::NoPoints)))
+    ordered(role, help, run).of_points(|session, _, _| Ok(session.fail(&Problem::NoPoints)))
 }
 
 /// Words of other consoles, with their equivalents here.
@@ -317,11 +322,17 @@ impl<'g> Session<'_, 'g> {
             *job = Job::Help(Help::of(known));
             return Ok(Wait::Sent);
         }
+        self.failed = false;
         if USERS && self.role < known.role {
+            self.audit_denied(known.name);
             return Ok(self.fail(&Denied::Role { needed: known.role, own: self.role }));
         }
         match verb.lookup(COMMANDS) {
-            Some(command) => (command.run)(self, words, job),
+            Some(command) => {
+                let begun = (command.run)(self, words, job)?;
+                self.audit_command(command.audited, words);
+                Ok(begun)
+            }
             None => Ok(self.change()),
         }
     }

@@ -1,5 +1,7 @@
 //! Who may do what: log-in over a network, roles, passwords.
 
+mod audit;
+
 use core::net::IpAddr;
 
 use super::*;
@@ -75,8 +77,8 @@ const ALLOWED: [(&str, &[&str]); 3] = [
         "engineer",
         &[
             "port", "server", "route", "device", "point", "slave", "edit", "insert", "move", "delete",
-            "network", "mdns", "user", "scan", "tune", "capture", "password", "save", "load", "update",
-            "reboot",
+            "network", "mdns", "syslog", "user", "scan", "tune", "capture", "password", "save", "load",
+            "update", "reboot",
         ],
     ),
 ];

@@ -12,6 +12,9 @@ mod asks;
 // Replaced by stubs in images without a candidate.
 #[cfg_attr(not(feature = "candidate"), path = "console/no_candidate.rs")]
 mod candidate;
+// Without users there is no audit trail.
+#[cfg(feature = "users")]
+mod audit;
 mod command;
 mod complete;
 // As above.
@@ -165,7 +168,9 @@ async fn work<S: Store, Y: System>(
             }
         }
         Wait::Change => {
-            let changed = reconfigure::change(session.gateway, input.line()).await;
+            let changed =
+                reconfigure::change(session.gateway, input.line(), &|| session.audit_line(input.line()))
+                    .await;
             session.changed(changed);
         }
         Wait::Save { whatever } => {
@@ -176,19 +181,22 @@ async fn work<S: Store, Y: System>(
         #[cfg(feature = "candidate")]
         Wait::Commit { confirmed } => {
             if let Some(candidate) = session.gateway.candidate() {
-                let committed = candidate.commit(session.gateway, store, confirmed).await;
+                let committed = candidate
+                    .commit(session.gateway, store, confirmed, &|new| session.audit_difference(new))
+                    .await;
                 session.committed(committed, confirmed);
             }
         }
         #[cfg(feature = "candidate")]
         Wait::RollBack => {
             if let Some(candidate) = session.gateway.candidate() {
-                let rolled_back = candidate.roll_back(session.gateway).await;
+                let rolled_back = candidate.roll_back(session.gateway, session.actor()).await;
                 session.rolled_back(rolled_back);
             }
         }
         Wait::Load => {
-            let loaded = reconfigure::load(session.gateway, store).await;
+            let loaded =
+                reconfigure::load(session.gateway, store, &|new| session.audit_difference(new)).await;
             session.loaded(loaded);
         }
         // Without users nobody waits for these; a constant would leave their code in the future.

@@ -17,11 +17,13 @@ use crate::fieldbus::EthercatState;
 use crate::frame::{Channel, Envelope, Frame, FramePool, FrameWriter, Origin, ReplyTo, Stage};
 use crate::modbus::Exception;
 use crate::scanner::{POINTS, ScannerState};
-use crate::settings::{OwnNetwork, PortId, Settings};
+use crate::settings::{OwnNetwork, PortId, Settings, USERS};
 use crate::stats::Log;
 
 mod apply;
 // Replaced by a stub in images without a candidate.
+#[doc(hidden)] // Public for boards and tests.
+pub mod audit;
 #[cfg_attr(not(feature = "candidate"), path = "gateway/no_candidate.rs")]
 mod candidate;
 mod check;
@@ -51,6 +53,7 @@ pub(crate) mod turns;
 #[doc(hidden)] // Public for tests/ only.
 pub mod unit_health;
 
+use self::audit::state::Audit;
 pub use self::candidate::Candidate;
 pub use self::check::ApplyError;
 pub use self::connection::{Connection, ConnectionState};
@@ -96,6 +99,8 @@ pub struct Gateway<'g> {
     events: Shared<Events>,
     /// Failed attempts to log in.
     attempts: Shared<Attempts>,
+    /// The audit trail, where there are users.
+    audit: [Audit; USERS as usize],
     scanner: Option<&'g ScannerState>,
     capture: Option<&'g Capture>,
     ethercat: Option<&'g EthercatState>,
@@ -133,6 +138,7 @@ impl<'g> Gateway<'g> {
             direct_request: DirectRequestState::new(),
             events: Mutex::new(RefCell::new(Events::new())),
             attempts: Mutex::new(RefCell::new(Attempts::new())),
+            audit: [const { Audit::new() }; USERS as usize],
             scanner: None,
             capture: None,
             ethercat: None,

@@ -308,6 +308,11 @@ pub trait System {
         None
     }
 
+    /// Writes the date and time of `at`; `None` on boards without a calendar.
+    fn write_date(&self, _at: Instant, _out: &mut dyn fmt::Write) -> Option<fmt::Result> {
+        None
+    }
+
     /// How the firmware that runs came to run; `None` without updates.
     fn firmware(&self) -> Option<FirmwareState> {
         None

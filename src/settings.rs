@@ -19,6 +19,7 @@ mod serial;
 mod servers;
 mod side;
 mod slaves;
+mod syslog;
 mod time;
 mod users;
 mod whole;
@@ -56,6 +57,8 @@ pub use self::servers::{
 pub use self::side::Side;
 pub(crate) use self::slaves::POLLING_MS;
 pub use self::slaves::{Cells, OnSilence, SLAVES_MAX, SlaveSettings};
+pub(crate) use self::syslog::{SYSLOG_PORT, Syslogs};
+pub use self::syslog::{Syslog, Transport};
 pub use self::time::Time;
 pub use self::users::PasswordHash;
 pub(crate) use self::users::{Role, USERS, USERS_MAX, User, Users};

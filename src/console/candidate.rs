@@ -58,6 +58,7 @@ commit confirmed [TIME]\tin force now; unless a further commit confirms
 commit\tputs it in force and saves it, or confirms",
             commit,
         )
+        .audited()
         .then(&[Offer::Words(&["check", "confirmed"])], &[]),
     ),
     (

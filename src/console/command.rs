@@ -31,8 +31,8 @@ const COMMANDS: Verbs<Run> = &[
         "show",
         command(Viewer, "show TOPIC\thow things are: ports, units, routes, ...", |session, words, job| {
             let show = show::topic(words)?;
-            if USERS && show == Show::Secrets && (session.peer.is_some() || session.role < Engineer) {
-                return Ok(session.fail(&Denied::NotLocal));
+            if let Some(denied) = show.denied(session) {
+                return Ok(session.fail(&denied));
             }
             *job = match show {
                 Show::Frames => Job::Frames(Frames::last(session.gateway)),
@@ -52,7 +52,7 @@ const COMMANDS: Verbs<Run> = &[
     ),
     (
         "scan",
-        command(
+        ordered(
             Engineer,
             "scan PORT [OPTION]...\tfinds the devices on a serial client's line
   OPTION: BAUD, units A-B, timeout T, function N
@@ -68,7 +68,7 @@ const COMMANDS: Verbs<Run> = &[
     ),
     (
         "tune",
-        command(
+        ordered(
             Engineer,
             "tune PORT [OPTION]...\tmeasures response times, proposes a timeout
 tune PORT [units A-B] [count N]
@@ -93,7 +93,7 @@ read UNIT coil|discrete|input|holding ADDRESS [OPTION]... via PORT
     ),
     (
         "write",
-        command(
+        ordered(
             Operator,
             "write UNIT|POINT ...\twrites at once
 write POINT [[at N] VALUE...]\tsets its values, from value N on; between
@@ -136,7 +136,7 @@ write UNIT coil|holding ADDRESS [OPTION]... VALUE... via PORT
     ),
     (
         "clear",
-        command(
+        ordered(
             Operator,
             "clear stats|log\tforgets counters or transactions
 clear stats\tsets counters to zero, those of units too
@@ -150,7 +150,7 @@ clear log\tforgets the transactions",
     ),
     (
         "capture",
-        command(
+        ordered(
             Engineer,
             "capture FILE|off\twrites frames into a file, for Wireshark
 capture FILE\ta new one (PCAPNG); on Linux
@@ -220,7 +220,7 @@ update older\talso if it is older than what runs here
     ),
     (
         "reboot",
-        command(Engineer, "reboot\tstarts again with the saved settings", |session, words, _| {
+        ordered(Engineer, "reboot\tstarts again with the saved settings", |session, words, _| {
             let wait = alone(words, Wait::Reboot)?;
             session.out.line(format_args!("starting again"));
             Ok(wait)
@@ -243,9 +243,14 @@ update older\talso if it is older than what runs here
     ),
 ];
 
-/// A command of data points; refused by images without them.
+/// A command whose lines the audit trail has.
+const fn ordered(role: Role, help: &'static str, run: Run) -> Verb<Run> {
+    command(role, help, run).audited()
+}
+
+/// The same of data points; refused by images without them.
 const fn of_points(role: Role, help: &'static str, run: Run) -> Verb<Run> {
-    command(role, help, run).of_points(|session, _, _| Ok(session.fail(&Problem::NoPoints)))
+    ordered(role, help, run).of_points(|session, _, _| Ok(session.fail(&Problem::NoPoints)))
 }
 
 /// Words of other consoles, with their equivalents here.
@@ -316,11 +321,17 @@ impl<'g> Session<'_, 'g> {
             *job = Job::Help(Help::of(known));
             return Ok(Wait::Sent);
         }
+        self.failed = false;
         if USERS && self.role < known.role {
+            self.audit_denied(known.name);
             return Ok(self.fail(&Denied::Role { needed: known.role, own: self.role }));
         }
         match verb.lookup(COMMANDS).or_else(|| verb.lookup(candidate::COMMANDS)) {
-            Some(command) => (command.run)(self, words, job),
+            Some(command) => {
+                let begun = (command.run)(self, words, job)?;
+                self.audit_command(command.audited, words);
+                Ok(begun)
+            }
             None => Ok(self.change()),
         }
     }

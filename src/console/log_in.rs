@@ -8,6 +8,7 @@ use embassy_time::{Duration, Instant};
 use super::asks::{Asks, PASSWORD_BYTES_MAX, Password};
 use super::session::Session;
 use super::wait::Wait;
+use crate::gateway::audit::Topic;
 use crate::gateway::reconfigure;
 use crate::hal::System;
 use crate::language::{Words, Wrong, user_name};
@@ -33,6 +34,7 @@ pub(super) enum Denied {
         own: Role,
     },
     NotLocal,
+    Deleted,
 }
 
 impl fmt::Display for Denied {
@@ -50,6 +52,7 @@ impl fmt::Display for Denied {
             Self::Differ => "the passwords differ",
             Self::NoHash => "this gateway has no users, or no random numbers",
             Self::Role { needed, own } => return write!(f, "needs the role {needed}; yours is {own}"),
+            Self::Deleted => "this user was deleted",
             Self::NotLocal => "secrets are shown to engineers at the local console only",
         })
     }
@@ -82,15 +85,21 @@ impl Session<'_, '_> {
                 let pause = self.peer.and_then(|peer| {
                     self.gateway.attempts(|attempts| attempts.pause(Instant::now(), peer, &user))
                 });
-                self.asks = Asks::Password(user);
                 match pause {
-                    None => Wait::LogIn,
+                    None => {
+                        self.asks = Asks::Password(user);
+                        Wait::LogIn
+                    }
                     Some(pause) => {
                         self.ends = true;
+                        self.audit_failure(&user, "an attempt within the pause");
                         // Whole seconds, and not 0.
                         self.fail(&Denied::Pause(Duration::from_secs(pause.as_secs() + 1)))
                     }
                 }
+            }
+            Asks::New(_) | Asks::Again(..) if self.role < Role::Engineer => {
+                self.fail(&Denied::Role { needed: Role::Engineer, own: self.role })
             }
             Asks::New(_) | Asks::Again(..)
                 if !(PASSWORD_BYTES_MIN..=PASSWORD_BYTES_MAX).contains(&line.len()) =>
@@ -109,6 +118,30 @@ impl Session<'_, '_> {
         }
     }
 
+    /// Writes about a failed attempt to log in as `user`. A name of nobody is not told: it may be a password.
+    fn audit_failure(&self, user: &str, what: &str) {
+        let is_known = self.gateway.settings(|settings| settings.user(user).is_some());
+        let user = if is_known { user } else { "an unknown user" };
+        let what = format_args!("{what} for {user}");
+        self.gateway.audit_refusal(Topic::LogInFailed, None, self.peer, what);
+    }
+
+    /// Takes over what the settings say of the user by now; a deleted one leaves.
+    pub(super) fn check_role(&mut self) -> bool {
+        if !USERS || self.user.is_empty() {
+            return true;
+        }
+        let role = self.gateway.settings(|settings| settings.user(&self.user).map(|user| user.role));
+        match role {
+            Some(role) => self.role = role,
+            None => {
+                self.ends = true;
+                self.fail(&Denied::Deleted);
+            }
+        }
+        role.is_some()
+    }
+
     /// Checks the password `typed`.
     pub(super) async fn log_in(&mut self, system: &impl System, typed: &str) {
         let (Asks::Password(name), Some(peer)) = (take(&mut self.asks), self.peer) else { return };
@@ -118,12 +151,12 @@ impl Session<'_, '_> {
         match user.filter(|_| can_log_in && good) {
             Some(user) => {
                 self.gateway.attempts(|attempts| attempts.succeeded(peer, &name));
-                log_info!("console: {name} of {peer} has logged in as {}", user.role);
-                self.role = user.role;
+                (self.user, self.role) = (name, user.role);
+                self.audit(Topic::LogIn, format_args!("logged in as {}", self.role));
             }
             None => {
                 self.gateway.attempts(|attempts| attempts.failed(Instant::now(), peer, &name, can_log_in));
-                log_warn!("console: a password of {peer} for {name} was wrong");
+                self.audit_failure(&name, "a wrong password");
                 self.failures += 1;
                 self.ends = self.failures >= FAILURES_MAX;
                 self.asks = Asks::User;
@@ -149,7 +182,10 @@ impl Session<'_, '_> {
         match system.hash_password(typed).await {
             Some(hash) => {
                 let set = reconfigure::set_password(self.gateway, &user, hash).await;
-                self.changed(set.map(|()| None));
+                match set {
+                    Ok(()) => self.audit(Topic::Settings, format_args!("password {user}")),
+                    Err(error) => _ = self.fail(&error),
+                }
             }
             None => _ = self.fail(&Denied::NoHash),
         }

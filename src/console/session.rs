@@ -9,12 +9,13 @@ use super::output::{COLUMNS, Output};
 use super::wait::Wait;
 use crate::fieldbus::{EthercatState, LineWriter};
 use crate::gateway::Gateway;
+use crate::gateway::audit::{Actor, Topic};
 use crate::gateway::direct_request::{DirectRequestError, Turn};
 use crate::gateway::reconfigure::Unchanged;
 use crate::hal::{StoreError, System};
-use crate::language::Warning;
+use crate::language::{Warning, WithoutSecrets, Words};
 use crate::scanner::Pdu;
-use crate::settings::{PortId, Role};
+use crate::settings::{Name, PortId, Role, Settings};
 
 /// The session as its commands see it.
 pub(super) struct Session<'s, 'g> {
@@ -22,6 +23,8 @@ pub(super) struct Session<'s, 'g> {
     pub(super) system: &'s dyn System,
     /// Where the user is, if not at the gateway.
     pub(super) peer: Option<IpAddr>,
+    /// Who has logged in.
+    pub(super) user: Name,
     /// What the user may do.
     pub(super) role: Role,
     /// What the next line is.
@@ -30,6 +33,8 @@ pub(super) struct Session<'s, 'g> {
     // Without users nobody counts them.
     #[cfg_attr(not(feature = "users"), allow(dead_code))]
     pub(super) failures: u8,
+    /// The current command has failed.
+    pub(super) failed: bool,
     /// No further line is read.
     pub(super) ends: bool,
     pub(super) out: Output,
@@ -53,10 +58,12 @@ impl<'s, 'g> Session<'s, 'g> {
             gateway,
             system,
             peer: mode.peer(),
+            user: Name::new(),
             // Least, until somebody has logged in.
             role: if mode.peer().is_none() { Role::Engineer } else { Role::Viewer },
             asks: Asks::first(mode.peer()),
             failures: 0,
+            failed: false,
             ends: false,
             out: Output::new(line_end, columns),
             line_number,
@@ -70,8 +77,46 @@ impl<'s, 'g> Session<'s, 'g> {
 }
 
 impl Session<'_, '_> {
+    /// Who is at the console, for the audit trail.
+    pub(super) fn actor(&self) -> Actor<'_> {
+        match self.peer {
+            None => Actor::Local,
+            Some(peer) if self.user.is_empty() => Actor::Peer(peer),
+            Some(peer) => Actor::User { name: &self.user, peer },
+        }
+    }
+
+    /// Writes a line of the audit trail.
+    pub(super) fn audit(&self, topic: Topic, what: fmt::Arguments<'_>) {
+        self.gateway.audit(topic, self.actor(), what);
+    }
+
+    /// The same of a command that was begun, if the trail has such ones: each of its words was understood.
+    pub(super) fn audit_command(&self, is_audited: bool, words: &Words<'_>) {
+        if is_audited && !self.failed {
+            self.audit(Topic::Command, format_args!("{}", WithoutSecrets(words.line)));
+        }
+    }
+
+    /// The same of a command that the role may not run.
+    pub(super) fn audit_denied(&self, command: &str) {
+        let what = format_args!("{command} is denied to the role {}", self.role);
+        self.gateway.audit_refusal(Topic::DeniedCommand, None, self.peer, what);
+    }
+
+    /// The same of a `line` of settings that was typed.
+    pub(super) fn audit_line(&self, line: &str) {
+        self.audit(Topic::Settings, format_args!("{}", WithoutSecrets(line)));
+    }
+
+    /// The same of what `new` settings change.
+    pub(super) fn audit_difference(&self, new: &Settings) {
+        self.gateway.audit_difference(self.actor(), new);
+    }
+
     /// Reports an error, which ends the command.
     pub(super) fn fail(&mut self, what: &dyn fmt::Display) -> Wait {
+        self.failed = true;
         self.ended = Ended::Left { refused: true };
         match self.line_number {
             Some(number @ 1..) => self.out.line(format_args!("error: line {number}, {what}")),
@@ -116,7 +161,10 @@ impl Session<'_, '_> {
 
     pub(super) fn saved(&mut self, saved: Result<(), StoreError>) {
         match saved {
-            Ok(()) => self.out.line(format_args!("saved")),
+            Ok(()) => {
+                self.audit(Topic::Save, format_args!("save"));
+                self.out.line(format_args!("saved"));
+            }
             Err(error) => _ = self.fail(&error),
         }
     }

@@ -8,6 +8,7 @@ use super::session::Session;
 use super::update::Failed;
 use super::wait::{Wait, WaitEvent};
 use crate::gateway::Gateway;
+use crate::gateway::audit::Topic;
 use crate::hal::{System, Version};
 use crate::language::{Words, Wrong};
 use crate::settings::USERS;
@@ -96,6 +97,7 @@ impl<'s, 'g> Shell<'s, 'g> {
                 session.out.columns = Some(columns);
                 Wait::Key
             }
+            Typed::Line if !session.check_role() => Wait::End,
             Typed::Line if USERS && session.asks.prompt().is_some() => {
                 let edits = matches!(input, Input::Keys(_));
                 session.answered(input.line(), edits)
@@ -120,6 +122,8 @@ impl<'s, 'g> Shell<'s, 'g> {
                 Wait::Exit
             }
             Typed::Foreign(foreign) => {
+                let what = format_args!("a console session ended: {foreign}");
+                session.gateway.audit_refusal(Topic::RefusedClient, None, session.peer, what);
                 session.ended = Ended::Foreign(foreign);
                 Wait::Exit
             }

@@ -4,7 +4,10 @@ use core::fmt;
 
 use embassy_time::Instant;
 
+#[cfg(feature = "users")]
+use super::audit;
 use super::layout::{self, Columns, Layout};
+use super::log_in::Denied;
 use super::output::{NO_ROW, Written};
 use super::points;
 use super::registers;
@@ -17,7 +20,7 @@ use crate::gateway::unit_health::{UNITS_MAX, Unit};
 use crate::hal::{NetworkState, System};
 use crate::language::listed::listed;
 use crate::language::{Shown, Words, Wrong, write_shown_line};
-use crate::settings::{self, Endpoint, PortKind, SERVERS, ServerSettings, Settings, Side, User};
+use crate::settings::{self, Endpoint, PortKind, Role, SERVERS, ServerSettings, Settings, Side, User};
 use crate::stats::{Event, LOG_ENTRIES_MAX, LastError};
 
 /// The topics of `show`.
@@ -33,6 +36,9 @@ pub(super) enum Show {
     Devices,
     Registers,
     Users,
+    // Its row would take room in images without users.
+    #[cfg(feature = "users")]
+    Audit,
     Config,
     /// The same with the hashes of passwords.
     Secrets,
@@ -58,6 +64,8 @@ pub(super) const TOPICS: &[(&str, (Show, &str))] = &[
     ("devices", (Show::Devices, "the devices that the scanner polls")),
     ("registers", (Show::Registers, "the gateway's own, where a rule leads to local")),
     ("users", (Show::Users, "who may log in")),
+    #[cfg(feature = "users")]
+    ("audit", (Show::Audit, "who changed what, from where, and what was refused")),
     ("config", (Show::Config, "the settings as lines; config secrets: with hashes")),
     // As above.
     #[cfg(feature = "candidate")]
@@ -69,6 +77,21 @@ pub(super) const TOPICS: &[(&str, (Show, &str))] = &[
     ("update", (Show::Update, "whether new firmware is on trial, or went back")),
 ];
 const TOPICS_EXPECTED: &str = listed!(TOPICS);
+
+impl Show {
+    /// Why this session may not see it, if so.
+    pub(super) fn denied(self, session: &Session<'_, '_>) -> Option<Denied> {
+        let (own, is_local) = (session.role, session.peer.is_none());
+        match self {
+            Self::Secrets => {
+                (settings::USERS && !(is_local && own == Role::Engineer)).then_some(Denied::NotLocal)
+            }
+            #[cfg(feature = "users")]
+            Self::Audit if own < Role::Engineer => Some(Denied::Role { needed: Role::Engineer, own }),
+            _ => None,
+        }
+    }
+}
 
 /// Topics of other consoles, with their equivalents here.
 const ELSEWHERE: &[(&str, &str)] = &[
@@ -143,6 +166,8 @@ fn write(
         Show::Devices => points::device(source, place, out),
         Show::Registers => registers::row(source, place, out),
         Show::Users if settings::USERS => table(USERS, user, out),
+        #[cfg(feature = "users")]
+        Show::Audit => audit::row(source, system, place, out),
         Show::Config => write_shown_line(source.settings, place, Shown::WithoutSecrets, out),
         Show::Secrets => write_shown_line(source.settings, place, Shown::WithSecrets, out),
         // As above.
@@ -164,6 +189,8 @@ const fn columns(what: Show) -> Columns {
         Show::Routes => &[-3, 15, 7, 18, 4, 15, 7],
         Show::Units => &[15, -4, 11, -10, -10, -10, -10, -9, -9, -9],
         Show::Users => &[15, 8],
+        #[cfg(feature = "users")]
+        Show::Audit => audit::COLUMNS,
         Show::Clients => &[15, 21, -9, -9, -4, -10],
         Show::Stats => &[15, 13, -10, -10],
         Show::Log => &[-9, 15, -4, 15, -6, -8, -10],

@@ -10,6 +10,7 @@ use embedded_io_async::{Read, Write};
 use self::ymodem::{CANCEL, Came, Receiver, Stopped};
 use super::session::Session;
 use super::wait::Wait;
+use crate::gateway::audit::Topic;
 use crate::hal::{Update, UpdateError, Version};
 use crate::language::{Words, Wrong};
 
@@ -142,10 +143,14 @@ impl Session<'_, '_> {
     pub(super) fn updated(&mut self, received: Result<Version, Failed>) -> Wait {
         match received {
             Ok(version) => {
+                self.audit(Topic::Update, format_args!("update to {version}"));
                 self.out.line(format_args!("{version} is complete and genuine; it starts now, on trial"));
                 Wait::Reboot
             }
-            Err(why) => self.fail(&why),
+            Err(why) => {
+                self.audit(Topic::Update, format_args!("update failed: {why}"));
+                self.fail(&why)
+            }
         }
     }
 }

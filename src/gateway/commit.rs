@@ -8,6 +8,7 @@ use embassy_sync::mutex::{MutexGuard, TryLockError};
 use embassy_time::{Duration, Instant, with_deadline};
 use thiserror::Error;
 
+use super::audit::Actor;
 use super::candidate::{Candidate, Stage};
 use super::{ApplyError, Gateway, reconfigure, saved};
 use crate::hal::{Store, StoreError};
@@ -72,12 +73,13 @@ impl Candidate {
     }
 
     /// Puts the candidate in force: saves it, or waits for its confirmation for `confirmed`. Confirms a commit that waits. After an
-    /// error the settings in force are those of before.
+    /// error the settings in force are those of before. Calls `ahead` with settings that are about to be in force.
     pub(crate) async fn commit(
         &self,
         gateway: &Gateway<'_>,
         store: &mut impl Store,
         confirmed: Option<Duration>,
+        ahead: &dyn Fn(&Settings),
     ) -> Result<(), Uncommitted> {
         let mut settings = self.settings.try_lock()?;
         let changes = match (self.stage(), confirmed) {
@@ -99,6 +101,8 @@ impl Candidate {
         }
         let mut before = reconfigure::draft(gateway).await;
         gateway.settings(|in_force| before.clone_from(in_force));
+        gateway.check(&settings)?;
+        ahead(&settings);
         gateway.apply(&settings)?;
         let unsaved = gateway.set_unsaved(true);
         if let Some(time) = confirmed {
@@ -132,9 +136,10 @@ impl Candidate {
     }
 
     /// Takes back a commit that waits for its confirmation.
-    pub(crate) async fn roll_back(&self, gateway: &Gateway<'_>) -> Result<(), Uncommitted> {
+    pub(crate) async fn roll_back(&self, gateway: &Gateway<'_>, actor: Actor<'_>) -> Result<(), Uncommitted> {
         let settings = self.settings.lock().await;
         let Stage::Waiting { unsaved, .. } = self.stage() else { return Err(Uncommitted::NotWaiting) };
+        gateway.audit_difference(actor, &settings);
         // Nobody changes settings meanwhile.
         let _draft = reconfigure::draft(gateway).await;
         self.go_back(gateway, &settings, unsaved);
@@ -164,7 +169,7 @@ impl Gateway<'_> {
                     false
                 }
             };
-            if is_over && candidate.roll_back(self).await.is_ok() {
+            if is_over && candidate.roll_back(self, Actor::Gateway).await.is_ok() {
                 log_warn!("nobody has confirmed the commit: the settings from before are back in force");
             }
         }

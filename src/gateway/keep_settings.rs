@@ -1,5 +1,6 @@
 //! Settings changed by a MainDevice: slaves and the port's line; and saving on its request.
 
+use super::audit::{Actor, Topic};
 use super::{Gateway, reconfigure};
 use crate::fieldbus::{EthercatState, Keep, Speed};
 use crate::hal::Store;
@@ -19,7 +20,7 @@ impl Gateway<'_> {
             }
             let saved = reconfigure::save(self, store, true).await;
             match saved {
-                Ok(()) => log_info!("the settings were saved for EtherCAT"),
+                Ok(()) => self.audit(Topic::Save, Actor::Ethercat, format_args!("save")),
                 Err(error) => log_warn!("the settings could not be saved for EtherCAT: {error}"),
             }
             ethercat.kept(saved.is_ok());
@@ -34,6 +35,7 @@ impl Gateway<'_> {
         // A MainDevice that sends the same configuration at each start changes nothing.
         if !self.settings(|settings| ethercat.is_told(settings)) {
             self.set_unsaved(true);
+            self.audit(Topic::Settings, Actor::Ethercat, format_args!("another configuration of slaves"));
         }
         if let Some(speed) = self.change_settings(|settings| ethercat.tell(settings)) {
             self.set_speed(speed);
@@ -47,12 +49,17 @@ impl Gateway<'_> {
             let port = settings.ports.get_mut(id.index())?.as_mut()?;
             let PortKind::Serial(SerialSettings { line, .. }) = &mut port.kind else { return None };
             let Speed { baud, parity, stop_bits } = speed;
-            log_info!("EtherCAT sets {} to {speed}; it was {}", port.name, line.speed());
+            let before = line.speed();
             *line = LineSettings { baud, parity, stop_bits, ..*line };
             self.set_unsaved(true);
-            Some(id)
+            Some((id, before))
         });
-        if let Some(port_state) = changed.and_then(|id| self.port_state(id)) {
+        let Some((id, before)) = changed else { return };
+        self.settings(|settings| {
+            let what = format_args!("{} is set to {speed}; it was {before}", settings.name(id));
+            self.audit(Topic::Settings, Actor::Ethercat, what);
+        });
+        if let Some(port_state) = self.port_state(id) {
             port_state.restart();
         }
     }

@@ -65,20 +65,25 @@ pub async fn draft<'s>(gateway: &'s Gateway<'_>) -> MutexGuard<'s, CriticalSecti
     gateway.draft.lock().await
 }
 
-/// Changes the settings by `line`: those of the candidate, if there is one.
-pub async fn change(gateway: &Gateway<'_>, line: &str) -> Result<Option<Warning>, Unchanged> {
+/// Changes the settings by `line`: those of the candidate, if there is one; calls `done` if they are others now.
+pub async fn change(
+    gateway: &Gateway<'_>,
+    line: &str,
+    done: &dyn Fn(),
+) -> Result<Option<Warning>, Unchanged> {
     if let Some(candidate) = gateway.candidate().filter(|candidate| candidate.is_open()) {
         let mut settings = candidate.lock().ok_or(StoreError::Refused("somebody commits at this moment"))?;
         return Ok(language::apply(&mut settings, line)?.warning);
     }
-    let applied = change_by(gateway, |draft| language::apply(draft, line)).await?;
+    let applied = change_by(gateway, |draft| language::apply(draft, line), done).await?;
     Ok(applied.warning)
 }
 
-/// Applies what `change` makes of the settings, unless it fails.
+/// Applies what `change` makes of the settings, unless it fails; calls `done` if they are others now.
 async fn change_by<R>(
     gateway: &Gateway<'_>,
     change: impl FnOnce(&mut Settings) -> Result<R, LineError>,
+    done: &dyn Fn(),
 ) -> Result<R, Unchanged> {
     let mut draft = draft(gateway).await;
     gateway.settings(|settings| draft.clone_from(settings));
@@ -87,6 +92,7 @@ async fn change_by<R>(
     gateway.apply(&draft)?;
     if differs {
         gateway.set_unsaved(true);
+        done();
     }
     Ok(changed)
 }
@@ -105,7 +111,7 @@ pub(crate) async fn set_password(
         }
         Ok(())
     };
-    change_by(gateway, set).await
+    change_by(gateway, set, &|| {}).await
 }
 
 /// Writes the settings to `store`; `whatever`: even if the text there was changed by others.
@@ -126,11 +132,16 @@ pub async fn save(gateway: &Gateway<'_>, store: &mut impl Store, whatever: bool)
     saved
 }
 
-/// Loads the settings in `store`, if any, and applies them; returns the length of the text.
-pub async fn load(gateway: &Gateway<'_>, store: &mut impl Store) -> Result<usize, Unchanged> {
+/// Loads the settings in `store`, if any, and applies them, after a last look by `ahead`; returns the length of the text.
+pub async fn load(
+    gateway: &Gateway<'_>,
+    store: &mut impl Store,
+    ahead: &dyn Fn(&Settings),
+) -> Result<usize, Unchanged> {
     let mut draft = draft(gateway).await;
     let bytes = read(gateway, store, &mut draft).await?;
     if bytes > 0 {
+        ahead(&draft);
         take_over(gateway, store, &draft)?;
     }
     Ok(bytes)

@@ -4,6 +4,7 @@ use embassy_time::{Duration, Timer};
 use ethercat_subdevice::foe::{FileError, FileErrorCode};
 
 use super::Gateway;
+use super::audit::{Actor, Topic};
 use crate::fieldbus::{FirmwareBuffer, Work};
 use crate::hal::{System, Update, UpdateError};
 
@@ -25,7 +26,8 @@ impl Gateway<'_> {
                 Work::Begin => update.begin(None, false).await,
                 Work::Write(packet) => update.write(packet).await,
                 Work::Finish => update.finish().await.map(|version| {
-                    log_info!("EtherCAT: firmware {version} is complete and starts when Boot is left");
+                    let what = format_args!("firmware {version} is complete and starts when Boot is left");
+                    self.audit(Topic::Update, Actor::Ethercat, what);
                 }),
                 Work::Discard => {
                     update.discard();
@@ -38,7 +40,7 @@ impl Gateway<'_> {
                 }
             };
             if let Err(why) = done {
-                log_warn!("EtherCAT: no new firmware: {why}");
+                self.audit(Topic::Update, Actor::Ethercat, format_args!("no new firmware: {why}"));
                 update.discard();
             }
             buffer.done(&work, done.map_err(|why| FileError::new(code(why), why)));

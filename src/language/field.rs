@@ -12,8 +12,8 @@ use super::port_values::{device, format, interface, meaning, prefixes, reserved_
 use super::values::{listen, name, number, time};
 use super::words::{Word, Words, Wrong};
 use crate::settings::{
-    Allowed, DEVICE_BYTES_MAX, Driver, Framing, InterfaceName, LineSettings, Name, OnLoss, Prefixes, Proofs,
-    ServerAddress, Side, Special, StreamFraming, TcpListen, Time,
+    Allowed, DEVICE_BYTES_MAX, Driver, Framing, InterfaceName, LineSettings, MODBUS_TCP_PORT, Name, OnLoss,
+    Prefixes, Proofs, ServerAddress, Side, Special, StreamFraming, TcpListen, Time,
 };
 
 /// How a newcomer is handled when all connections are taken.
@@ -94,7 +94,7 @@ impl Field<'_> {
             Self::Id(target, count) => *target = Some(count.read(word)? as u16),
             Self::Device(target) => *target = device(word)?,
             Self::Listen(target) => *target = listen(word)?,
-            Self::Server(target) => *target = Some(server_address(word)?),
+            Self::Server(target) => *target = Some(server_address(word, MODBUS_TCP_PORT)?),
             Self::Full(target) => *target = word.keyword(FULL, "displace or refuse")?,
             Self::Reserve(places, peers, count) => {
                 *places = count.read(word)? as u16;

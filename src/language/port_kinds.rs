@@ -14,8 +14,8 @@ use super::values::{listen, parse_number};
 use super::words::{Word, Words, Wrong};
 use crate::scanner::POINTS;
 use crate::settings::{
-    Driver, EthercatSettings, Framing, PortKind, SERVERS, SerialSettings, Side, StreamFraming,
-    TcpClientSettings, TcpServerSettings, UdpServerSettings,
+    Driver, EthercatSettings, Framing, MODBUS_TCP_PORT, PortKind, SERVERS, SerialSettings, Side,
+    StreamFraming, TcpClientSettings, TcpServerSettings, UdpServerSettings,
 };
 
 /// The medium of a port.
@@ -180,7 +180,7 @@ pub(crate) fn new_port<'a>(words: &'a Words) -> Result<(PortKind, Word<'a>), Wro
             PortKind::TcpServer(TcpServerSettings { listen, ..TcpServerSettings::new(listen.port) })
         }
         (Medium::Tcp, Side::Client) => {
-            PortKind::TcpClient(TcpClientSettings::new(Some(server_address(endpoint)?)))
+            PortKind::TcpClient(TcpClientSettings::new(Some(server_address(endpoint, MODBUS_TCP_PORT)?)))
         }
         (Medium::Udp, _) => PortKind::UdpServer(UdpServerSettings::new(listen(endpoint)?)),
         // A keyword or number of a serial line is not a device name.

@@ -5,8 +5,8 @@ use heapless::{String, Vec};
 use super::values::{number, parse_endpoint, port_number, prefix};
 use super::words::{Word, Words, Wrong};
 use crate::settings::{
-    DEVICE_BYTES_MAX, Host, INTERFACE_BYTES_MAX, InterfaceName, MODBUS_TCP_PORT, Parity, Prefixes,
-    RESERVED_MAX, SERVERS, ServerAddress, ServerName, Special,
+    DEVICE_BYTES_MAX, Host, INTERFACE_BYTES_MAX, InterfaceName, Parity, Prefixes, RESERVED_MAX, SERVERS,
+    ServerAddress, ServerName, Special,
 };
 
 /// The text contains the limit.
@@ -58,8 +58,8 @@ const SERVER_EXPECTED: &str = match SERVERS {
     false => "the address of a server such as 192.168.1.20 or 192.168.1.20:502",
 };
 
-/// Parses a server address: `192.168.1.20:502`, `[fe80::1]:502`, `meter.example`; the default port is Modbus's.
-pub(crate) fn server_address(word: Word) -> Result<ServerAddress, Wrong> {
+/// Parses a server address: `192.168.1.20:502`, `[fe80::1]:502`, `meter.example`.
+pub(crate) fn server_address(word: Word, default_port: u16) -> Result<ServerAddress, Wrong> {
     let by_address = || {
         let (address, port) = parse_endpoint(word.text).filter(|(address, _)| !address.is_unspecified())?;
         Some((Host::Address(address), port))
@@ -75,7 +75,7 @@ pub(crate) fn server_address(word: Word) -> Result<ServerAddress, Wrong> {
         Some((Host::Name(server_name(name)?), port))
     };
     let (host, port) = by_address().or_else(by_name).ok_or_else(|| word.expected(SERVER_EXPECTED))?;
-    Ok(ServerAddress { host, port: port.unwrap_or(MODBUS_TCP_PORT) })
+    Ok(ServerAddress { host, port: port.unwrap_or(default_port) })
 }
 
 /// A host name (RFC 1123 2.1): its last label has a letter, or it would be an address.

@@ -1,4 +1,4 @@
-//! Prints settings as the lines that recreate them: users, network and discovery, ports, servers, rules in order, devices, points
+//! Prints settings as the lines that recreate them: users, network, discovery and syslog, ports, servers, rules in order, devices, points
 //! and slaves.
 
 use core::fmt::{self, Display, Write};
@@ -61,6 +61,11 @@ pub(crate) fn write_shown_line(
         mdns if *mdns == Mdns::DEFAULT => n,
         mdns if n == 0 => return Some(write!(out, "mdns {mdns}")),
         _ => n - 1,
+    };
+    let n = match settings.syslog.first().filter(|_| USERS) {
+        Some(syslog) if n == 0 => return Some(write!(out, "syslog {syslog}")),
+        Some(_) => n - 1,
+        None => n,
     };
     let ports = || settings.ports.iter().flatten();
     let widest = || ports().map(|port| port.name.len()).max().unwrap_or(0);

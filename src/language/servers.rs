@@ -11,7 +11,8 @@ use super::problem::Problem;
 use super::route_words;
 use super::words::{Word, Words, Wrong};
 use crate::settings::{
-    PORT_SERVERS_MAX, PortId, PortKind, SERVERS_MAX, ServerSettings, Settings, Tag, UnitRange,
+    MODBUS_TCP_PORT, PORT_SERVERS_MAX, PortId, PortKind, SERVERS_MAX, ServerSettings, Settings, Tag,
+    UnitRange,
 };
 
 /// Calls `each` with the keywords that only these lines use.
@@ -41,7 +42,7 @@ pub(crate) fn server(settings: &mut Settings, words: &Words) -> Result<Changed, 
     let port = port(settings, port_word)?;
     let (units_word, units) = units(words)?;
     words.take().keyword(&[("at", ())], "at and the server's address")?;
-    let at = server_address(words.take())?;
+    let at = server_address(words.take(), MODBUS_TCP_PORT)?;
     let mut tag = Tag::Keep;
     if !words.peek().is_end() {
         words.take().keyword(&[("tag", ())], "tag or the end of the line")?;

@@ -86,6 +86,34 @@ fn is_hash(text: &str) -> bool {
         && parts.next().is_none()
 }
 
+/// A valid line of settings as it was typed, without the hash of a password and without a comment, which may be anything.
+pub(crate) struct WithoutSecrets<'l>(pub(crate) &'l str);
+
+/// `user NAME role ROLE password`
+const USER_WORDS: usize = 5;
+
+impl Display for WithoutSecrets<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let words = Words::new(self.0);
+        let shown = if words.peek().is("user") { USER_WORDS } else { usize::MAX };
+        for nth in 0..shown {
+            let word = words.take();
+            if word.is_end() {
+                break;
+            }
+            let separator = if nth == 0 {
+                ""
+            } else if word.listed {
+                ","
+            } else {
+                " "
+            };
+            write!(f, "{separator}{}", word.text)?;
+        }
+        Ok(())
+    }
+}
+
 /// The words after `user`, without the password.
 impl Display for User {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

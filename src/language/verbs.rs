@@ -3,7 +3,7 @@
 //! A verb is declared once, in a table: [`VERBS`] contains those of the settings; the console has its own table.
 
 use super::changes::{self, Change, option_words};
-use super::{mdns, own_network, point_words, servers, slaves, users};
+use super::{mdns, own_network, point_words, servers, slaves, syslog, users};
 use crate::scanner::POINTS;
 use crate::settings::{Role, SERVERS, USERS};
 
@@ -19,6 +19,8 @@ pub(crate) struct Verb<Run> {
     pub(crate) later: &'static [Offer],
     /// The feature missing from the image, if any; the verb is then refused.
     pub(crate) lacks: Option<Lack>,
+    /// Whether the audit trail has the lines that begin with it as they were typed. Not for those of settings, nor for lines with secrets.
+    pub(crate) audited: bool,
     /// The least role that may run it.
     pub(crate) role: Role,
     pub(crate) run: Run,
@@ -54,7 +56,12 @@ pub(crate) enum Lack {
 impl<Run: Copy> Verb<Run> {
     /// A verb without completion.
     pub(crate) const fn new(role: Role, help: &'static str, run: Run) -> Self {
-        Self { help, second: &[], later: &[], lacks: None, role, run }
+        Self { help, second: &[], later: &[], lacks: None, audited: false, role, run }
+    }
+
+    /// Has its lines in the audit trail.
+    pub(crate) const fn audited(self) -> Self {
+        Self { audited: true, ..self }
     }
 
     /// Adds completions.
@@ -91,6 +98,7 @@ const POINTS_AND_OPTIONS: &[Offer] =
 const ROUTE: &[Offer] = &[Offer::Words(&["route"])];
 const NETWORK: &[Offer] = &[Offer::Each(|each| own_network::keywords().for_each(each))];
 const MDNS: &[Offer] = &[Offer::Each(|each| mdns::keywords().for_each(each))];
+const SYSLOG: &[Offer] = &[Offer::Each(|each| syslog::keywords().for_each(each))];
 const USERS_OFFERED: &[Offer] = &[Offer::Users];
 const ROLES_OFFERED: &[Offer] = &[Offer::Words(&["role", "viewer", "operator", "engineer"])];
 const THINGS: &[Offer] = &[Offer::Each(|each| changes::things().for_each(each))];
@@ -270,6 +278,20 @@ mdns off\tannounces nothing",
             changes::mdns_line,
         )
         .then(MDNS, MDNS),
+    ),
+    // Not `of_users`, whose refusal takes room in images without it.
+    #[cfg(feature = "users")]
+    (
+        "syslog",
+        verb(
+            "syslog [udp|tcp] ADDRESS[:PORT]\tsends the audit trail to a syslog server
+\t(RFC 5424), by UDP and to port 514 unless given;
+\tADDRESS may be a name
+syslog off\tsends it nowhere
+  syslog tcp 192.168.1.9:601",
+            syslog::syslog,
+        )
+        .then(SYSLOG, &[]),
     ),
     (
         "user",

@@ -91,6 +91,8 @@ impl Word<'_> {
 
 /// Parses a line word by word, and stores its error.
 pub(crate) struct Words<'a> {
+    /// The whole line.
+    pub(crate) line: &'a str,
     rest: Cell<&'a str>,
     column: Cell<usize>,
     wrong: Cell<Option<LineError>>,
@@ -99,7 +101,7 @@ pub(crate) struct Words<'a> {
 impl<'a> Words<'a> {
     /// Starts at the first word of `line`.
     pub(crate) fn new(line: &'a str) -> Self {
-        Self { rest: Cell::new(line), column: Cell::new(1), wrong: Cell::new(None) }
+        Self { line, rest: Cell::new(line), column: Cell::new(1), wrong: Cell::new(None) }
     }
 
     /// The details of the last [`Wrong`].

@@ -5,8 +5,8 @@ use heapless::Vec;
 use crate::scanner::{DEVICES_MAX, POINTS};
 use crate::settings::{
     Destination, DeviceSettings, Mdns, OwnNetwork, POINTS_MAX, PORTS_MAX, PointSettings, Port, PortId,
-    PortKind, ROUTES_MAX, Route, SERVERS, SERVERS_MAX, SLAVES_MAX, ServerSettings, SlaveSettings,
-    TcpServerSettings, USERS, User, Users,
+    PortKind, ROUTES_MAX, Route, SERVERS, SERVERS_MAX, SLAVES_MAX, ServerSettings, SlaveSettings, Syslog,
+    Syslogs, TcpServerSettings, USERS, User, Users,
 };
 
 /// Everything that `save` stores and `show config` prints.
@@ -16,6 +16,8 @@ pub struct Settings {
     pub network: Option<OwnNetwork>,
     /// Announcement by multicast DNS.
     pub mdns: Mdns,
+    /// Where the audit trail is sent.
+    pub(crate) syslog: Syslogs,
     /// The ports; a port keeps its index when others are added or deleted.
     pub ports: [Option<Port>; PORTS_MAX],
     /// The servers of TCP clients that have several.
@@ -38,6 +40,7 @@ impl Settings {
         Self {
             network: None,
             mdns: Mdns::DEFAULT,
+            syslog: Vec::new(),
             ports: [const { None }; PORTS_MAX],
             servers: Vec::new(),
             routes: Vec::new(),
@@ -52,6 +55,7 @@ impl Settings {
     pub fn clear(&mut self) {
         self.network = None;
         self.mdns = Mdns::DEFAULT;
+        self.syslog.clear();
         self.ports.iter_mut().for_each(|port| *port = None);
         self.servers.clear();
         self.routes.clear();
@@ -64,6 +68,11 @@ impl Settings {
     /// How the board gets its own address.
     pub fn own_network(&self) -> OwnNetwork {
         self.network.clone().unwrap_or_default()
+    }
+
+    /// Where the audit trail is sent, if anywhere.
+    pub fn syslog(&self) -> Option<&Syslog> {
+        self.syslog.first()
     }
 
     /// The port at `id`.
@@ -138,7 +147,7 @@ impl Clone for Settings {
 
     /// Copies field by field: the whole is too large for the stack of a small board.
     fn clone_from(&mut self, source: &Self) {
-        let Self { network, mdns, ports, servers, routes, devices, points, slaves, users } = source;
+        let Self { network, mdns, syslog, ports, servers, routes, devices, points, slaves, users } = source;
         self.network.clone_from(network);
         self.mdns.clone_from(mdns);
         self.ports.clone_from_slice(ports);
@@ -153,6 +162,7 @@ impl Clone for Settings {
         }
         if USERS {
             copy_list(&mut self.users, users);
+            copy_list(&mut self.syslog, syslog);
         }
     }
 }

@@ -4,16 +4,19 @@
 //! return to their requester. Every frame that a port sent returns to it, with or without a response, so a port tracks its open
 //! requests by counting. All transactions end in [`Gateway::note`], the only function that logs them.
 
+use core::net::IpAddr;
+
 use embassy_time::Instant;
 
 use crate::frame::{Cause, Channel, Envelope, Fill, Frame, Origin, ReplyTo, Stage};
+use crate::gateway::audit::Topic;
 use crate::gateway::{Gateway, PortState};
 use crate::modbus::Exception;
 use crate::modbus::pdu::{self, EXCEPTION_BIT};
 use crate::port::local;
 use crate::routing;
 use crate::routing::Decision;
-use crate::settings::PortId;
+use crate::settings::{PortId, USERS};
 use crate::stats::{Event, LogEntry, Outcome};
 
 impl Gateway<'_> {
@@ -72,11 +75,13 @@ impl Gateway<'_> {
             Decision::Refuse(exception) => {
                 let no_path = exception == Exception::GATEWAY_NO_PATH;
                 count(if no_path { Event::NoPath } else { Event::Refused });
+                self.audit_denied(&frame, exception, unit, peer);
                 frame.blame(Cause::Unsent);
                 self.refuse(frame, exception);
             }
             Decision::Ignore { broadcast } => {
                 count(Event::Ignored);
+                self.audit_denied(&frame, Exception::ILLEGAL_FUNCTION, unit, peer);
                 if broadcast { self.finish_broadcast(frame) } else { self.confirm(frame) }
             }
             Decision::NoRule => {
@@ -91,6 +96,16 @@ impl Gateway<'_> {
                 }
             }
         }
+    }
+
+    /// Writes about a write that a rule forbids.
+    fn audit_denied(&self, frame: &Frame<'_>, exception: Exception, unit: u8, peer: Option<IpAddr>) {
+        if !USERS || exception == Exception::GATEWAY_NO_PATH || frame.pdu(pdu::is_read) {
+            return;
+        }
+        let (port, function) = (frame.origin().port, frame.function());
+        let what = format_args!("a write to unit {unit} by function {function} is denied");
+        self.audit_refusal(Topic::DeniedWrite, Some(port), peer, what);
     }
 
     /// Sends copies of a broadcast to all lines that the rules of its port lead to. The copies have no requester; the original

@@ -111,7 +111,9 @@ impl History {
         let connections = [const { mobgate::gateway::Connection::new() }; 27];
         let gateway = Gateway::new(&pool, &ports, &connections).with_candidate(&candidate);
         let mut world = World::new(seed);
-        world.run_until(reconfigure::load(&gateway, &mut self.medium)).expect("what is saved can be read");
+        world
+            .run_until(reconfigure::load(&gateway, &mut self.medium, &|_| {}))
+            .expect("what is saved can be read");
         assert!(in_force(&gateway).contains(ACCESS), "a reset gives the access back");
         world.spawn(gateway.watch_commits());
         while self.steps > 0 {

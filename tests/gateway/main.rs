@@ -4,6 +4,7 @@
 use mobgate_clock as _;
 
 mod answer_times;
+mod audit;
 mod cache;
 mod candidates;
 mod capture;

@@ -67,9 +67,9 @@ pub async fn on_tcp(sessions: &Sessions, mut sockets: TcpSockets, listen: TcpLis
 }
 
 /// Accepts authorised connections to the socket; never returns.
-pub async fn on_socket(sessions: &Sessions, mut listener: socket::Listener) {
+pub async fn on_socket(gateway: &Gateway<'_>, sessions: &Sessions, mut listener: socket::Listener) {
     let name = listener.to_string();
-    admit(sessions, &name, async || listener.accept().await).await
+    admit(sessions, &name, async || listener.accept(gateway).await).await
 }
 
 /// Admits every guest from `next`; `place` names the listener in the log.

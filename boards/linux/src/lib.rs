@@ -4,6 +4,7 @@
 //! [`tcp::TcpStream`].
 
 mod bind;
+pub mod calendar;
 pub mod capture;
 pub mod cli;
 pub mod console;
@@ -30,6 +31,7 @@ mod sink;
 pub mod start;
 pub mod stdio;
 pub mod store;
+pub mod syslog;
 pub mod tcp;
 pub mod tty;
 pub mod udp;

@@ -1,16 +1,20 @@
 //! mobgate as a Linux program: the gateway's statics and tasks, start-up, signals and shutdown.
 
+use std::fmt;
 use std::os::unix::process::CommandExt;
 use std::path::Path;
 use std::process::{Command, ExitCode};
 use std::rc::Rc;
 
 use embassy_executor::Spawner;
+use embassy_futures::join::join;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
+use embassy_time::{Duration, Instant, Timer};
 use mobgate::capture::Capture;
 use mobgate::fieldbus::EthercatState;
 use mobgate::frame::{FramePool, Slot};
+use mobgate::gateway::audit::{Actor, Topic};
 use mobgate::gateway::reconfigure;
 use mobgate::gateway::{Candidate, Connection, Gateway, Ports};
 use mobgate::hal::{OpenError, System};
@@ -27,8 +31,10 @@ use mobgate_linux::store::FileStore;
 use mobgate_linux::tcp::{Connector, TcpSockets};
 use mobgate_linux::udp::Datagrams;
 use mobgate_linux::{
-    capture, console, describe, ethercat, executor, logging, mdns, passwords, service, settings, tty,
+    calendar, capture, console, describe, ethercat, executor, logging, mdns, passwords, service, settings,
+    syslog, tty,
 };
+use rustix::process::geteuid;
 
 /// TCP connections of all servers together. Each takes a descriptor, and a process has 1024 by default.
 const CONNECTIONS: usize = 256;
@@ -52,6 +58,11 @@ static GATEWAY: Gateway<'static> = Gateway::new(&POOL, &PORT_STATES, &CONNECTION
     .with_ethercat_interfaces(&ETHERCAT)
     .with_capture(&CAPTURE)
     .with_same_device(tty::are_same);
+
+/// Longest wait for the syslog server at the end.
+const LAST_WORDS_MAX: Duration = Duration::from_millis(500);
+/// Set for the program that this one becomes when it starts again.
+const STARTED_BY: &str = "MOBGATE_STARTED_BY";
 
 /// The capture file requested next; `None` ends the capture.
 static CAPTURE_FILE: capture::Wanted = Signal::new();
@@ -107,6 +118,11 @@ async fn service_manager() {
 }
 
 #[embassy_executor::task]
+async fn audit_trail() {
+    join(GATEWAY.settle_audits(), syslog::run(&GATEWAY)).await;
+}
+
+#[embassy_executor::task]
 async fn capture_into_file() {
     capture::run(&GATEWAY, &CAPTURE_FILE).await
 }
@@ -114,14 +130,13 @@ async fn capture_into_file() {
 #[embassy_executor::task]
 async fn console_on_stdio(store: FileStore) {
     if console::on_stdio(&GATEWAY, store, &Process).await {
-        log::info!("ended by Ctrl-C");
-        END.signal(End::Stop);
+        end("Ctrl-C");
     }
 }
 
 #[embassy_executor::task]
 async fn console_on_socket(sessions: Rc<Sessions>, listener: socket::Listener) {
-    console::on_socket(&sessions, listener).await
+    console::on_socket(&GATEWAY, &sessions, listener).await
 }
 
 #[embassy_executor::task]
@@ -139,16 +154,21 @@ async fn signals(mut caught: Signals, mut store: FileStore) {
     loop {
         match (caught.next().await, store.path()) {
             (Caught::Reload, Ok(_)) => match reload(&mut store).await {
-                Ok(file) => log::info!("{file}: taken over"),
+                Ok(file) => GATEWAY.audit(Topic::Settings, Actor::System, format_args!("{file}: taken over")),
                 Err(fault) => log::error!("{fault}; everything stays as it was"),
             },
-            (Caught::Reload, Err(_)) => END.signal(End::Stop),
+            (Caught::Reload, Err(_)) => end("SIGHUP"),
             (Caught::End(name), _) => {
-                log::info!("ended by {name}");
-                END.signal(End::Stop);
+                end(name);
             }
         }
     }
+}
+
+/// Ends the program because of `reason`.
+fn end(reason: &str) {
+    GATEWAY.audit(Topic::Start, Actor::System, format_args!("ended by {reason}"));
+    END.signal(End::Stop);
 }
 
 /// The console's interface to this program.
@@ -162,6 +182,10 @@ impl System for Process {
     fn capture(&self, file: Option<&str>) -> Result<(), OpenError> {
         CAPTURE_FILE.signal(file.map(capture::create_new).transpose()?);
         Ok(())
+    }
+
+    fn write_date(&self, at: Instant, out: &mut dyn fmt::Write) -> Option<fmt::Result> {
+        Some(write!(out, "{:.0}", calendar::date(at)))
     }
 
     async fn is_password(&self, hash: Option<&str>, password: &str) -> bool {
@@ -222,6 +246,7 @@ fn run(options: Options) -> Result<End, String> {
     }
     CAPTURE.set_epoch(capture::epoch_us());
     reconfigure::take_over(&GATEWAY, &mut store, &start.settings).map_err(|error| error.to_string())?;
+    audit_start(&options);
     start.settings.warnings().for_each(|warning| log::warn!("{warning}"));
 
     let _raw_until_the_end = RawMode::enter();
@@ -234,8 +259,30 @@ fn run(options: Options) -> Result<End, String> {
         if matches!(end, End::Stop) {
             service::stops();
         }
+        last_words().await;
         end
     }))
+}
+
+/// Writes into the audit trail what starts, and by whom.
+fn audit_start(options: &Options) {
+    let by = match std::env::var(STARTED_BY) {
+        Ok(by) => by,
+        Err(_) if std::env::var_os("INVOCATION_ID").is_some() => "by the service manager".to_owned(),
+        Err(_) => format!("by user {}", geteuid().as_raw()),
+    };
+    let (version, file) = (env!("CARGO_PKG_VERSION"), options.config.as_deref());
+    let settings = file.map_or("without a file".to_owned(), |file| format!("with {}", file.display()));
+    GATEWAY.audit(Topic::Start, Actor::System, format_args!("start of {version} {by}, {settings}"));
+}
+
+/// Gives the syslog server, if there is one, some time to take the last lines.
+async fn last_words() {
+    let until = Instant::now() + LAST_WORDS_MAX;
+    let is_forwarded = GATEWAY.settings(|settings| settings.syslog().is_some());
+    while is_forwarded && !GATEWAY.is_audit_sent() && Instant::now() < until {
+        Timer::after_millis(1).await;
+    }
 }
 
 fn spawn(
@@ -259,6 +306,7 @@ fn spawn(
     spawner.spawn(ethercat_controller().unwrap());
     spawner.spawn(keep_settings(store.clone()).unwrap());
     spawner.spawn(capture_into_file().unwrap());
+    spawner.spawn(audit_trail().unwrap());
     spawner.spawn(found_on_the_network().unwrap());
     spawner.spawn(service_manager().unwrap());
     spawner.spawn(commits().unwrap());
@@ -285,6 +333,7 @@ async fn reload(store: &mut FileStore) -> Result<String, String> {
         log::warn!("{}: has the changes that were not saved", aside.display());
     }
     settings::read(&GATEWAY, store, &mut draft).await?;
+    GATEWAY.audit_difference(Actor::System, &draft);
     reconfigure::take_over(&GATEWAY, store, &draft).map_err(|error| format!("{file}: {error}"))?;
     Ok(file)
 }
@@ -293,5 +342,5 @@ async fn reload(store: &mut FileStore) -> Result<String, String> {
 fn restart() -> std::io::Error {
     let mut arguments = std::env::args_os();
     let name = arguments.next().unwrap_or_else(|| "mobgate".into());
-    Command::new("/proc/self/exe").arg0(name).args(arguments).exec()
+    Command::new("/proc/self/exe").arg0(name).args(arguments).env(STARTED_BY, "by reboot").exec()
 }

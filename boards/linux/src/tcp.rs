@@ -23,6 +23,7 @@ mod listener;
 mod options;
 
 pub use connector::Connector;
+pub(crate) use connector::{addresses_of, refusal};
 pub use listener::Listener;
 
 /// Time limit of an orderly close.

@@ -119,9 +119,9 @@ fn what_a_browser_sends_to_the_tcp_console_is_not_carried_out() {
         program.logs(logged);
     }
     converse(&mut tcp_session(console), "anna\nlet me in\nshow routes\n", "readonly");
-    program.logs("anna of 127.0.0.1 has logged in as engineer");
+    program.logs("audit: anna@127.0.0.1: logged in as engineer");
     converse(&mut tcp_session(console), "anna\nlet me out\n", "no such user, or another password");
-    program.logs("a password of 127.0.0.1 for anna was wrong");
+    program.logs("audit: 127.0.0.1: a wrong password for anna");
     assert!(fs::read_to_string(program.config()).unwrap().contains("readonly"));
 }
 

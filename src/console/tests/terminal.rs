@@ -22,8 +22,8 @@ fn a_person_types_edits_completes_and_leaves() {
 #[test]
 fn tab_lists_the_words_that_a_word_could_become() {
     with_gateway(|gateway| {
-        let printed = typed(gateway, "s\t\x15help move\r");
-        assert!(printed.contains("\r\nserver  slave  show  scan  save\r\n\rmobgate> s"), "{printed:?}");
+        let printed = typed(gateway, "m\t\x15help move\r");
+        assert!(printed.contains("\r\nmove  mdns  mark\r\n\rmobgate> m"), "{printed:?}");
         assert!(printed.contains("move route N M"), "{printed:?}");
     });
 }

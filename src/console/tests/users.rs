@@ -1,5 +1,7 @@
 //! Who may do what: log-in over a network, roles, passwords.
 
+mod audit;
+
 use core::net::IpAddr;
 
 use super::*;
@@ -86,6 +88,7 @@ const ALLOWED: [(&str, &[&str]); 3] = [
             "delete",
             "network",
             "mdns",
+            "syslog",
             "user",
             "scan",
             "tune",

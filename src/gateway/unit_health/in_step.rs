@@ -200,6 +200,13 @@ impl Units<'_> {
         true
     }
 
+    /// Whether `id` has come back (true) or gone down since this was asked last.
+    pub(crate) fn turned(&mut self, id: u8) -> Option<bool> {
+        let unit = self.known(id).filter(|unit| unit.told_down != unit.is_down)?;
+        unit.told_down = unit.is_down;
+        Some(!unit.is_down)
+    }
+
     /// Learns from a response of `id` to `request`.
     pub fn learn(&mut self, id: u8, request: &[u8]) {
         if let (Some(read), Some(unit)) = (as_read(request), self.known(id)) {

@@ -80,6 +80,8 @@ pub struct Unit {
     /// Unanswered probes and proofs since it went down or out of step.
     pub(super) tried: u8,
     pub(super) is_down: bool,
+    /// The audit trail has it as down.
+    pub(super) told_down: bool,
     /// It has sent a valid frame since the last request or proof.
     pub(super) responded: bool,
     /// A late response has already shortened the wait for a probe, once since the last response in time.
@@ -120,6 +122,7 @@ impl Unit {
             silent: 0,
             tried: 0,
             is_down: false,
+            told_down: false,
             responded: false,
             hurried: false,
             late: 0,

@@ -69,6 +69,8 @@ pub(crate) struct Dispatcher<'g> {
     writes_ended: Cell<u16>,
     /// Time of the last sweep, as the low bits of the clock's milliseconds.
     swept: Cell<u16>,
+    /// A unit has been down.
+    saw_down: Cell<bool>,
     /// Per connection: whether a request arrived or a unit's state changed.
     changed: [Cell<bool>; CONNECTIONS_MAX],
     /// The port's task, where a connection has to be told of a change by one that is polled later.
@@ -120,6 +122,7 @@ impl<'g> Dispatcher<'g> {
             cache: RefCell::new(Cache::new()),
             writes_ended: Cell::new(0),
             swept: Cell::new(0),
+            saw_down: Cell::new(false),
             changed: [const { Cell::new(false) }; CONNECTIONS_MAX],
             task: RefCell::new(WakerRegistration::new()),
             transaction_ids,

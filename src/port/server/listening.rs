@@ -1,10 +1,12 @@
-//! Reports whether a network server listens, or why it cannot.
+//! Reports whether a network server listens, or why it cannot, and whom it refuses.
 
-use core::net::IpAddr;
+use core::net::{IpAddr, SocketAddr};
 
-use crate::gateway::{PortState, Status};
+use crate::gateway::audit::Topic;
+use crate::gateway::{Gateway, PortState, Status};
 use crate::hal::OpenError;
-use crate::stats::LastError;
+use crate::settings::{PortId, USERS};
+use crate::stats::{Event, LastError};
 
 /// Reports that the server at `port_state` listens on `port` of `protocol`; `open_to_all` returns an address at which the whole world
 /// reaches it.
@@ -33,5 +35,20 @@ pub(crate) fn fails(port_state: &PortState, protocol: &str, port: u16, error: Op
     port_state.stats.note(LastError::Port);
     if port_state.set_status(Status::Failed(error)) {
         log_warn!("{} port {} cannot be opened: {}", protocol, port, error);
+    }
+}
+
+/// Reports that the server at `port` has refused a client at `peer`.
+pub(crate) fn refuses(gateway: &Gateway<'_>, port: PortId, peer: IpAddr, why: Event) {
+    let why = if why == Event::Unwelcome { "its address is not allowed" } else { "no connection is free" };
+    let what = format_args!("a client is refused, {why},");
+    gateway.audit_refusal(Topic::RefusedClient, Some(port), Some(peer), what);
+}
+
+/// Reports that the server at `port` closes the connection of `left` for a newcomer at `peer`.
+pub(crate) fn displaces(gateway: &Gateway<'_>, port: PortId, left: Option<SocketAddr>, peer: IpAddr) {
+    if let (true, Some(left)) = (USERS, left) {
+        let what = format_args!("displaces {}", left.ip().to_canonical());
+        gateway.audit_refusal(Topic::Displaced, Some(port), Some(peer), what);
     }
 }

@@ -143,7 +143,11 @@ impl Server<'_, '_> {
             let marked = server.reserved_for.iter().any(|prefix| prefix.contains(peer.ip()));
             Some((marked, usize::from(server.clients), usize::from(server.reserved), server.refuses))
         });
-        let Some((marked, clients, reserved, refuses)) = terms else { return Err(End::Unwelcome) };
+        let refused = |end| {
+            listening::refuses(self.gateway, self.id, peer.ip(), end);
+            Err(end)
+        };
+        let Some((marked, clients, reserved, refuses)) = terms else { return refused(End::Unwelcome) };
         let generation = self.connection.update(|connection| {
             let (port, generation) = (connection.port, connection.generation.wrapping_add(1));
             let came = ConnectionState { since: now, last_request: now, ..ConnectionState::EMPTY };
@@ -169,8 +173,12 @@ impl Server<'_, '_> {
         }
         let ordinary_max = clients.saturating_sub(reserved);
         if seated > clients || (!marked && ordinary > ordinary_max) {
-            let Some((connection, _)) = idle.filter(|_| !refuses) else { return Err(End::Crowded) };
-            connection.update(|connection| connection.leaving = true);
+            let Some((connection, _)) = idle.filter(|_| !refuses) else { return refused(End::Crowded) };
+            let left = connection.update(|connection| {
+                connection.leaving = true;
+                connection.peer
+            });
+            listening::displaces(self.gateway, self.id, left, peer.ip());
             connection.leave.signal(());
         }
         Ok(Origin { port: self.id, reply_to: ReplyTo::Connection(self.index as u16), generation })

@@ -110,6 +110,7 @@ impl<'s, 'g> Server<'s, 'g> {
         let stats = &self.port_state.stats;
         if !self.settings.allowed.admits(peer.ip()) {
             stats.count(Event::Unwelcome);
+            listening::refuses(self.gateway, self.id, peer.ip(), Event::Unwelcome);
             return None;
         }
         let (header, request) = match tcp::parse(datagram) {

@@ -106,10 +106,8 @@ async fn session(
 async fn end_of(guest: Guest, end: End) -> Option<Guest> {
     let who = guest.who.clone();
     let (last, next) = match end {
-        End::Ended(Ok(Ended::Foreign(foreign))) => {
-            log::warn!("console session of {who} ended: {foreign}");
-            (Vec::new(), None)
-        }
+        // The audit trail has it.
+        End::Ended(Ok(Ended::Foreign(_))) => (Vec::new(), None),
         End::Ended(Ok(ended)) if guest.hello != Hello::None => (vec![farewell(ended)], None),
         End::Ended(ended) => {
             log::debug!("console session of {who} has ended: {ended:?}");

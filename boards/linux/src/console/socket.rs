@@ -10,6 +10,8 @@ use std::os::unix::fs::{DirBuilderExt, FileTypeExt, MetadataExt, OpenOptionsExt,
 use std::os::unix::net::{UnixListener, UnixStream};
 use std::path::{Path, PathBuf};
 
+use mobgate::gateway::Gateway;
+use mobgate::gateway::audit::Topic;
 use rustix::process::geteuid;
 
 use super::guest::Guest;
@@ -181,16 +183,17 @@ impl fmt::Display for Listener {
 
 impl Listener {
     /// Accepts the next authorised peer; refuses others.
-    pub(super) async fn accept(&mut self) -> io::Result<Guest> {
+    pub(super) async fn accept(&mut self, gateway: &Gateway<'_>) -> io::Result<Guest> {
         loop {
             let (mut stream, _) = self.socket.read_with(UnixListener::accept).await?;
             let peer = Peer::of(&stream)?;
             if peer.may_enter() {
                 return Guest::by_socket(stream, &peer);
             }
-            log::warn!(
+            let what = format_args!(
                 "console refused to {peer}: not root, not the gateway's own user, not in the group {GROUP}"
             );
+            gateway.audit_refusal(Topic::RefusedClient, None, None, what);
             // A new connection has room for a line; non-blocking in case it has not.
             let _ = stream.set_nonblocking(true);
             let _ = writeln!(

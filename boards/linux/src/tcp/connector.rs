@@ -32,11 +32,7 @@ impl TcpConnect for Connector {
     type Stream<'a> = TcpStream;
 
     async fn connect(&self, server: &ServerAddress) -> Result<TcpStream, OpenError> {
-        let port = server.port;
-        let mut addresses = match &server.host {
-            Host::Address(address) => return connect(SocketAddr::new(*address, port)).await,
-            Host::Name(name) => look_up(name.as_str().to_owned(), port).await?.into_iter().peekable(),
-        };
+        let mut addresses = addresses_of(server).await?.into_iter().peekable();
         let mut error = NO_NAME;
         while let Some(address) = addresses.next() {
             let connecting = connect(address);
@@ -59,6 +55,14 @@ async fn connect(address: SocketAddr) -> Result<TcpStream, OpenError> {
     let mut stream = begin(address).map_err(|error| refusal(&error))?;
     let connected = stream.write_with(is_connected).await;
     connected.map(|()| TcpStream::new(stream, None)).map_err(|error| refusal(&error))
+}
+
+/// The addresses of `server`.
+pub(crate) async fn addresses_of(server: &ServerAddress) -> Result<Vec<SocketAddr>, OpenError> {
+    match &server.host {
+        Host::Address(address) => Ok(vec![SocketAddr::new(*address, server.port)]),
+        Host::Name(name) => look_up(name.as_str().to_owned(), server.port).await,
+    }
 }
 
 /// Resolves the host `name`.
@@ -92,7 +96,7 @@ fn is_connected(stream: &SystemStream) -> io::Result<()> {
 }
 
 /// Maps a system error to the user's.
-fn refusal(error: &io::Error) -> OpenError {
+pub(crate) fn refusal(error: &io::Error) -> OpenError {
     let (kind, hint) = match Errno::from_io_error(error) {
         Some(Errno::CONNREFUSED) => {
             (OpenErrorKind::Refused, "nobody listens there: is it the right TCP port?")

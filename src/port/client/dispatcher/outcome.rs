@@ -10,12 +10,17 @@ use crate::port::client::cache::CacheKey;
 use crate::port::client::dispatcher::entry::block;
 use crate::port::client::queue::PortQueue;
 use crate::port::client::servers::CONNECTIONS_MAX;
+use crate::settings::USERS;
 use crate::stats::Event;
 
 impl<'g> Dispatcher<'g> {
     /// Completes `request` with the response in its frame, also for the requests merged into it.
     pub(crate) fn done(&self, request: &Frame<'g>) {
         let Some(frame) = self.end_transaction(request) else { return };
+        // Only then one can have come back.
+        if USERS && self.saw_down.get() {
+            self.tell_health(request.target());
+        }
         if request.function() & EXCEPTION_BIT != 0 && frame.transaction().split(request) {
             return self.split(frame);
         }
@@ -108,6 +113,7 @@ impl<'g> Dispatcher<'g> {
     /// can no longer arrive.
     pub(crate) fn failed(&self, request: &Frame<'g>, retries: u8) {
         let Some(frame) = self.end_transaction(request) else { return };
+        self.tell_health(request.target());
         frame.transaction().split(&frame);
         let mut repeated = self.retry(frame, retries);
         let cause = request.read(|envelope| envelope.cause);
@@ -117,6 +123,14 @@ impl<'g> Dispatcher<'g> {
         }
         if repeated {
             self.port_state.stats.count(Event::Retry);
+        }
+    }
+
+    /// Writes into the audit trail if `unit` went down or came back.
+    fn tell_health(&self, unit: u8) {
+        if USERS && let Some(is_up) = self.port_state.units(|units| units.turned(unit)) {
+            self.saw_down.set(true);
+            self.gateway.audit_unit(self.id, unit, is_up);
         }
     }
 

@@ -1,0 +1,11 @@
+//! Dates: the machine's calendar for what the gateway's clock, which never jumps, has noted.
+
+use embassy_time::Instant;
+use jiff::{SignedDuration, Timestamp};
+
+/// The date of `at` by the calendar of now.
+pub fn date(at: Instant) -> Timestamp {
+    let age = Instant::now().saturating_duration_since(at).as_micros();
+    let age = SignedDuration::from_micros(i64::try_from(age).unwrap_or(i64::MAX));
+    Timestamp::now().checked_sub(age).unwrap_or(Timestamp::UNIX_EPOCH)
+}

@@ -1,0 +1,200 @@
+//! The audit trail: who changed what, from where, when, and what was refused.
+//!
+//! A line is logged, so that it reaches the journal of a host, and kept in memory for `show audit` and for a syslog server. What others
+//! can cause at will is counted when it repeats: a line tells the number once an interval. No line has a secret, nor a text that was
+//! not understood, which may be a password typed at the wrong prompt.
+
+mod difference;
+mod ring;
+pub(super) mod state;
+mod topic;
+mod trail;
+
+use core::fmt::{self, Write};
+use core::future::pending;
+use core::net::IpAddr;
+
+use embassy_futures::select::select;
+use embassy_time::{Instant, Timer};
+use heapless::String;
+
+pub use self::state::Forwarding;
+pub use self::topic::{Actor, Topic};
+use self::trail::Tally;
+pub use self::trail::{AUDIT_BYTES_MAX, AuditLine, COUNTED_FOR};
+use super::Gateway;
+use crate::settings::{PortId, Time, USERS};
+
+/// What a line ends in if it is too long.
+const CUT: &str = "...";
+
+/// The text of a line: without control characters, which could forge another line or command a terminal.
+struct Text(String<AUDIT_BYTES_MAX>);
+
+impl Text {
+    fn of(actor: Actor<'_>, what: fmt::Arguments<'_>) -> Self {
+        let mut text = Self(String::new());
+        let written = write!(text, "{actor}").and_then(|()| {
+            // The only tab.
+            let _ = text.0.push('\t');
+            text.write_fmt(what)
+        });
+        if written.is_err() {
+            while text.0.push_str(CUT).is_err() && text.0.pop().is_some() {}
+        }
+        text
+    }
+}
+
+impl Write for Text {
+    fn write_str(&mut self, text: &str) -> fmt::Result {
+        let mut visible = text.chars().map(|char| if char.is_control() { ' ' } else { char });
+        visible.try_for_each(|char| self.0.push(char).map_err(|_| fmt::Error))
+    }
+}
+
+impl AuditLine {
+    /// Who is behind it.
+    pub fn actor(&self) -> &str {
+        self.text.split_once('\t').map_or("", |(actor, _)| actor)
+    }
+
+    /// What happened.
+    pub fn what(&self) -> &str {
+        self.text.split_once('\t').map_or("", |(_, what)| what)
+    }
+}
+
+impl Gateway<'_> {
+    /// Writes a line: `what` was done by `actor`.
+    #[inline]
+    pub fn audit(&self, topic: Topic, actor: Actor<'_>, what: fmt::Arguments<'_>) {
+        if USERS {
+            self.settle_audit();
+            self.write_audit(topic, actor, what);
+        } else if actor == Actor::Ethercat {
+            // Without users there is no trail; what is not done at the console is logged.
+            log_info!("EtherCAT: {what}");
+        }
+    }
+
+    fn write_audit(&self, topic: Topic, actor: Actor<'_>, what: fmt::Arguments<'_>) {
+        let text = Text::of(actor, what);
+        for audit in &self.audit {
+            audit.trail(|trail| trail.push(Instant::now(), topic, &text.0));
+            audit.line.signal(());
+        }
+        let (actor, what) = text.0.split_once('\t').unwrap_or_default();
+        if topic.is_refusal() {
+            log_warn!("audit: {actor}: {what}")
+        } else {
+            log_info!("audit: {actor}: {what}")
+        }
+    }
+
+    /// Writes a line about a refusal of somebody at `peer`, or counts it if there were several; `port` is named behind `what`.
+    #[inline]
+    pub fn audit_refusal(
+        &self,
+        topic: Topic,
+        port: Option<PortId>,
+        peer: Option<IpAddr>,
+        what: fmt::Arguments<'_>,
+    ) {
+        let Some(audit) = self.audit.first() else { return };
+        self.settle_audit();
+        let is_told = audit.trail(|trail| trail.refused(Instant::now(), topic, port, peer));
+        audit.refusal.signal(());
+        if is_told {
+            let actor = peer.map_or(Actor::Gateway, |peer| Actor::Peer(peer.to_canonical()));
+            self.at_port(port, &mut |at| self.write_audit(topic, actor, format_args!("{what}{at}")));
+        }
+    }
+
+    /// Writes the lines of refusals that were counted long enough.
+    pub fn settle_audit(&self) {
+        let Some(audit) = self.audit.first() else { return };
+        while let Some(tally) = audit.trail(|trail| trail.due(Instant::now())) {
+            let Tally { topic, port, counted, last, .. } = tally;
+            self.at_port(port, &mut |at| {
+                let (plural, time) = (topic.plural(), Time(COUNTED_FOR));
+                let actor = last.map_or(Actor::Gateway, |peer| Actor::Peer(peer.to_canonical()));
+                self.write_audit(topic, actor, format_args!("{counted} more {plural}{at} within {time}"));
+            });
+        }
+    }
+
+    /// Calls `f` with the place of an event.
+    fn at_port(&self, port: Option<PortId>, f: &mut dyn FnMut(&dyn fmt::Display)) {
+        match port {
+            Some(port) => self.settings(|settings| f(&format_args!(" at port {}", settings.name(port)))),
+            None => f(&""),
+        }
+    }
+
+    /// Writes about `unit` of `port`, which has gone down or `is_up` again.
+    pub(crate) fn audit_unit(&self, port: PortId, unit: u8, is_up: bool) {
+        let what = if is_up { "responds again" } else { "is down" };
+        self.audit_refusal(Topic::Unit, Some(port), None, format_args!("unit {unit} {what}"));
+    }
+
+    /// Line `nth` of the trail, oldest first.
+    pub fn audit_line(&self, nth: usize) -> Option<AuditLine> {
+        self.audit.first()?.trail(|trail| trail.nth(nth))
+    }
+
+    /// Writes the lines of counted refusals when they are due, forever. A board with users runs it once.
+    pub async fn settle_audits(&self) {
+        let Some(audit) = self.audit.first() else { return };
+        loop {
+            self.settle_audit();
+            match audit.trail(|trail| trail.next_due()) {
+                None => audit.refusal.wait().await,
+                Some(due) => _ = select(audit.refusal.wait(), Timer::at(due)).await,
+            }
+        }
+    }
+}
+
+/// For one task, which forwards the trail to a syslog server. The rings are its queue.
+impl Gateway<'_> {
+    /// Waits for the next line to send, and returns it with the number of lines before it that were pushed out meanwhile.
+    pub async fn unsent_audit(&self) -> (AuditLine, u32) {
+        let Some(audit) = self.audit.first() else { return pending().await };
+        loop {
+            let sent = self.forwarding().sent;
+            if let Some(line) = audit.trail(|trail| trail.after(sent)) {
+                let lost = line.number - sent - 1;
+                return (line, lost);
+            }
+            audit.line.wait().await;
+        }
+    }
+
+    /// Whether all lines were sent.
+    pub fn is_audit_sent(&self) -> bool {
+        self.audit.iter().all(|audit| audit.trail(|trail| trail.last()) == self.forwarding().sent)
+    }
+
+    /// How forwarding does.
+    pub fn forwarding(&self) -> Forwarding {
+        let mut now = Forwarding::NONE;
+        self.change_forwarding(|forwarding| now = *forwarding);
+        now
+    }
+
+    /// Calls `change` with how forwarding does.
+    pub fn change_forwarding(&self, change: impl FnOnce(&mut Forwarding)) {
+        if let Some(audit) = self.audit.first() {
+            audit.forwarding.lock(|forwarding| change(&mut forwarding.borrow_mut()));
+        }
+    }
+
+    /// Waits until the settings name another syslog server, or none.
+    pub async fn new_syslog(&self) {
+        match self.audit.first() {
+            Some(audit) => audit.server_changed.wait().await,
+            None => pending().await,
+        }
+    }
+}

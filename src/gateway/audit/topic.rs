@@ -1,0 +1,110 @@
+//! What lines of the audit trail are about, and who is behind them.
+
+use core::fmt;
+use core::net::IpAddr;
+
+use strum::{IntoStaticStr, VariantArray};
+
+/// What a line is about.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, VariantArray, IntoStaticStr)]
+#[strum(serialize_all = "kebab-case")]
+pub enum Topic {
+    /// The gateway starts or stops, with the reason.
+    Start,
+    /// The settings have changed.
+    Settings,
+    /// The settings were saved.
+    Save,
+    /// A command that changes something else, such as a write to a device.
+    Command,
+    /// Somebody has logged in, or a console was opened or left.
+    LogIn,
+    /// New firmware.
+    Update,
+    /// A name or a password was wrong.
+    LogInFailed,
+    /// Somebody may not connect, or there was no room.
+    RefusedClient,
+    /// A rule forbids a write.
+    DeniedWrite,
+    /// A role forbids a command.
+    DeniedCommand,
+    /// A connection was closed for a newcomer.
+    Displaced,
+    /// A unit went down, or came back.
+    Unit,
+}
+
+impl Topic {
+    /// Its name, which is also the MSGID in syslog.
+    pub fn name(self) -> &'static str {
+        self.into()
+    }
+
+    /// The topic with this number.
+    pub(super) fn of(number: u8) -> Option<Self> {
+        Self::VARIANTS.get(usize::from(number)).copied()
+    }
+
+    /// Whether others than users can cause it as often as they like.
+    pub fn is_refusal(self) -> bool {
+        self as u8 >= Self::LogInFailed as u8
+    }
+
+    /// How many events in an interval get a line of their own; the others are counted.
+    pub(super) const fn told_max(self) -> u32 {
+        match self {
+            Self::DeniedWrite => 1,
+            Self::Unit => 16,
+            _ => 4,
+        }
+    }
+
+    /// Several of them.
+    pub(super) const fn plural(self) -> &'static str {
+        match self {
+            Self::LogInFailed => "failed log-ins",
+            Self::RefusedClient => "refused clients",
+            Self::DeniedWrite => "denied writes",
+            Self::DeniedCommand => "denied commands",
+            Self::Displaced => "displaced connections",
+            Self::Unit => "units down or up",
+            _ => "events",
+        }
+    }
+}
+
+/// Who is behind a line.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Actor<'a> {
+    /// The gateway itself.
+    Gateway,
+    /// The local console.
+    Local,
+    /// A user who has logged in.
+    User {
+        /// The name.
+        name: &'a str,
+        /// The address.
+        peer: IpAddr,
+    },
+    /// Somebody at this address.
+    Peer(IpAddr),
+    /// The EtherCAT MainDevice.
+    Ethercat,
+    /// Who starts and stops the gateway, and edits its file.
+    System,
+}
+
+impl fmt::Display for Actor<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Gateway => f.write_str("gateway"),
+            Self::Local => f.write_str("local console"),
+            Self::User { name, peer } => write!(f, "{name}@{peer}"),
+            Self::Peer(peer) => write!(f, "{peer}"),
+            Self::Ethercat => f.write_str("EtherCAT"),
+            Self::System => f.write_str("system"),
+        }
+    }
+}

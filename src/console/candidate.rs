@@ -66,7 +66,8 @@ commit\tputs it in force and saves it, or confirms",
         command(Engineer, "rollback\ttakes back what waits for its confirmation", |_, words, _| {
             words.end()?;
             Ok(Wait::RollBack)
-        }),
+        })
+        .audited(),
     ),
     (
         "discard",

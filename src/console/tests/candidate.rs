@@ -127,12 +127,9 @@ fn a_commit_that_waits_is_not_saved_and_is_confirmed_or_taken_back() {
         assert_eq!(typed("show config"), before);
         assert!(!gateway.has_unsaved());
         let audit = typed("show audit");
-        for line in [
-            "commit confirmed 1m",
-            "- route P1   1-64    * * P502",
-            "rollback",
-            "+ route P1   1-64    * * P502",
-        ] {
+        for line in
+            ["console         commit confirmed 1m", "- route P1", "console         rollback", "+ route P1"]
+        {
             assert!(audit.contains(line), "{line} in {audit}");
         }
         typed(commit);

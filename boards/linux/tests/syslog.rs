@@ -123,3 +123,33 @@ fn what_happens_while_a_tcp_server_is_away_arrives_when_it_is_back() {
         ["local console: mdns on name a2", "local console: mdns on name a3"]
     );
 }
+
+#[test]
+fn what_a_server_that_is_away_for_too_long_misses_is_counted_and_told() {
+    const CHANGES: usize = 2_000;
+    let port = free_port();
+    let program = program(&format!("syslog tcp 127.0.0.1:{port}"));
+    let lines: String = (0..CHANGES).map(|nth| format!("mdns on name x{nth}\n")).collect();
+    console(&program, &(lines + "show version\n"), "mobgate 0.");
+    // A flood of refusals takes no room of the changes'.
+    let mut client = program.connect();
+    for _ in 0..2_000 {
+        assert_eq!(ask(&mut client, 1, &[6, 0, 0, 0, 1]), [0x86, 1]);
+    }
+    let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port)).unwrap();
+    let mut stream = accepted(&listener);
+    console(&program, "mdns on name last\nshow version\n", "mobgate 0.");
+    let told = until(&mut stream, "name last");
+    let lost =
+        |text: &str| text.strip_prefix("gateway: ")?.split_once(" lines before")?.0.parse::<usize>().ok();
+    let lost: usize = told.iter().filter_map(|(_, text)| lost(text)).sum();
+    let refused = told.iter().filter(|(_, text)| text.contains("is denied")).count();
+    let got = told.iter().filter(|(_, text)| text.contains("mdns on name x")).count();
+    assert!(refused > 0 && refused < 100, "{refused} lines about 2000 refusals");
+    // The line of the start is the oldest, and lost as well.
+    assert_eq!(got + lost, CHANGES + 1, "{lost} lost");
+    assert!(lost > 0 && told[0].1.contains("lines before this one were lost"), "{told:?}");
+    let numbers: Vec<u32> = told.iter().filter_map(|(number, _)| *number).collect();
+    assert!(numbers.is_sorted_by(|one, other| one < other), "in order, each once");
+    console(&program, "show audit\n", &format!("{lost} lost"));
+}

@@ -76,7 +76,7 @@ pub struct Head {
 pub struct Captured {
     /// Its header.
     pub head: Head,
-    /// The bytes on the wire: the first part, or what [`Capture::next_part`] has read.
+    /// The bytes on the wire: the first part, or the next one of a frame that is read in parts.
     pub bytes: Vec<u8, PART_BYTES_MAX>,
     /// Frames lost between the previous one and this one.
     pub missed: u32,
@@ -139,7 +139,7 @@ impl Capture {
     }
 
     /// Reads the next part of `frame`, if there is one. If the frame has been overwritten meanwhile, its rest is zeros.
-    pub fn next_part(&self, frame: &mut Captured) -> bool {
+    pub(crate) fn next_part(&self, frame: &mut Captured) -> bool {
         self.ring.lock(|ring| ring.borrow().next_part(frame))
     }
 

@@ -49,8 +49,12 @@ pub use keeping::Keep;
 pub use layout::DeviceLayout;
 #[doc(hidden)] // Public for tests/ only.
 pub use line::{LineWriter, Speed};
-pub use modular::{LONG_MODULAR, MODULAR, Module};
-pub use objects::{DEVICE, LONG_DEVICE, REASON_BYTES};
+#[doc(hidden)] // Public for tests/ only.
+pub use modular::MODULAR;
+pub use modular::{LONG_MODULAR, Module};
+#[doc(hidden)] // Public for tests/ only.
+pub use objects::REASON_BYTES;
+pub use objects::{DEVICE, LONG_DEVICE};
 #[doc(hidden)] // Public for tests/ only.
 pub use request::{REQUEST_BYTES_MAX, RequestState, Requests};
 pub use room::Room;

@@ -224,6 +224,7 @@ impl<'g> Gateway<'g> {
     }
 
     /// All port states, with the units of each.
+    #[doc(hidden)] // Public for tests/ only.
     pub fn port_states(&self) -> impl Iterator<Item = PortAt<'g>> {
         (0..self.ports.len()).filter_map(|index| self.port_state(PortId(index as u8)))
     }
@@ -273,7 +274,7 @@ impl<'g> Gateway<'g> {
     }
 
     /// Sets whether they have; returns the previous value.
-    pub fn set_unsaved(&self, unsaved: bool) -> bool {
+    pub(crate) fn set_unsaved(&self, unsaved: bool) -> bool {
         let before = self.has_unsaved();
         self.unsaved.store(unsaved, Relaxed);
         before

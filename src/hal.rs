@@ -15,9 +15,7 @@ mod relay;
 mod update;
 
 pub use self::relay::Relay;
-pub use self::update::{
-    FirmwareState, NoUpdate, SharedUpdate, Update, UpdateError, VERSION_BYTES_MAX, Version,
-};
+pub use self::update::{FirmwareState, NoUpdate, SharedUpdate, Update, UpdateError, Version};
 
 /// Why something could not be opened, with a hint for the user.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -41,12 +41,15 @@ mod tests;
 
 pub use self::apply::{Applied, apply};
 pub(crate) use self::line::LineBuffer;
-pub use self::loader::{LoadError, Loader, Observer};
-pub use self::point_problem::PointProblem;
+pub(crate) use self::loader::Observer;
+pub use self::loader::{LoadError, Loader};
+#[cfg(feature = "points")] // The console needs it for its commands of points.
+pub(crate) use self::point_problem::PointProblem;
 pub(crate) use self::point_words::{KINDS, ORDERS, ORDERS_EXPECTED, TYPES, TYPES_EXPECTED};
 pub use self::print::{SPEED_BYTES_MAX, write_line};
 pub(crate) use self::print::{Shown, write_shown_line};
-pub use self::problem::{LineError, Problem, WORD_BYTES_MAX, Warning};
+pub(crate) use self::problem::Problem;
+pub use self::problem::{LineError, WORD_BYTES_MAX, Warning};
 pub(crate) use self::route_words::units as parse_units;
 pub(crate) use self::users::{WithoutSecrets, user_name};
 pub(crate) use self::values::{medium, number, parse_number, small, time};

@@ -57,7 +57,7 @@ pub use self::servers::{
 pub use self::side::Side;
 pub(crate) use self::slaves::POLLING_MS;
 pub use self::slaves::{Cells, OnSilence, SLAVES_MAX, SlaveSettings};
-pub(crate) use self::syslog::{SYSLOG_PORT, Syslogs};
+pub(crate) use self::syslog::Syslogs;
 pub use self::syslog::{Syslog, Transport};
 pub use self::time::Time;
 pub use self::users::PasswordHash;

@@ -50,6 +50,7 @@ pub fn long_device(modules: bool) -> &'static Device {
 
 /// The gateway as a SubDevice with buffers for long images.
 #[cfg(feature = "long-images")] // As above.
+#[doc(hidden)] // Public for tests/ only.
 pub type LongSubDevice<E, A> = SubDevice<
     E,
     A,

@@ -145,6 +145,7 @@ impl EthercatState {
     }
 
     /// The status of the slave `nth`, if it exists.
+    #[doc(hidden)] // Public for tests/ only.
     pub fn slave_status(&self, nth: usize) -> Option<DeviceStatus> {
         let id = DeviceId(u8::try_from(nth).ok()?);
         self.scanner.with(|scanner| scanner.device_status(id, Instant::now()))
@@ -280,11 +281,13 @@ impl EthercatState {
     }
 
     /// Waits until the devices or the controller change.
+    #[doc(hidden)] // Public for tests/ only.
     pub async fn renewed(&self) {
         self.renewed.wait().await;
     }
 
     /// The origin of the line's settings.
+    #[doc(hidden)] // Public for tests/ only.
     pub fn line_writer(&self) -> LineWriter {
         match self.state.lock(Cell::get) {
             State { line, speed, .. } if line == Speed::NONE || speed == Speed::NONE => LineWriter::Settings,

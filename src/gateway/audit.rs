@@ -112,6 +112,7 @@ impl Gateway<'_> {
     }
 
     /// Writes the lines of refusals that were counted long enough.
+    #[doc(hidden)] // Public for tests/ only.
     pub fn settle_audit(&self) {
         let Some(audit) = self.audit.first() else { return };
         while let Some(tally) = audit.trail(|trail| trail.due(Instant::now())) {
@@ -139,6 +140,7 @@ impl Gateway<'_> {
     }
 
     /// Line `nth` of the trail, oldest first.
+    #[doc(hidden)] // Public for tests/ only.
     pub fn audit_line(&self, nth: usize) -> Option<AuditLine> {
         self.audit.first()?.trail(|trail| trail.nth(nth))
     }

@@ -7,7 +7,7 @@ use embassy_sync::mutex::{Mutex, MutexGuard};
 use heapless::String;
 
 /// Most bytes of a [`Version`]: three numbers of 16 bits and a pre-release.
-pub const VERSION_BYTES_MAX: usize = 32;
+pub(crate) const VERSION_BYTES_MAX: usize = 32;
 
 /// The version of an image as text: `0.5.0`.
 pub type Version = String<VERSION_BYTES_MAX>;

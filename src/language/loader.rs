@@ -28,7 +28,7 @@ impl core::error::Error for LoadError {}
 const BYTE_ORDER_MARK: &[u8] = "\u{feff}".as_bytes();
 
 /// Called for each line with its number, and the settings after it.
-pub type Observer<'l> = dyn FnMut(u32, &str, &Settings) + 'l;
+pub(crate) type Observer<'l> = dyn FnMut(u32, &str, &Settings) + 'l;
 
 /// Reads a text in pieces and applies its lines to settings that start empty.
 ///

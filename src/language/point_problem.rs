@@ -7,7 +7,7 @@ use crate::settings::POINTS_MAX;
 
 /// Why a word is wrong.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
-pub enum PointProblem {
+pub(crate) enum PointProblem {
     /// There is no scanner port.
     #[error("there is no scanner port: type port NAME scanner first")]
     NoScanner,

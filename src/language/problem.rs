@@ -22,7 +22,7 @@ pub struct LineError {
     /// The wrong word, truncated to [`WORD_BYTES_MAX`]; empty at the end of the line.
     pub word: String<WORD_BYTES_MAX>,
     /// What is wrong with it.
-    pub problem: Problem,
+    pub(crate) problem: Problem,
 }
 
 impl LineError {
@@ -59,7 +59,7 @@ pub(crate) fn cut(text: &str) -> String<WORD_BYTES_MAX> {
 
 /// Why a word is wrong.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
-pub enum Problem {
+pub(crate) enum Problem {
     /// Something else is expected.
     #[error("expected {expected}{}", Suggestion(*near))]
     Expected {

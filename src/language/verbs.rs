@@ -3,7 +3,10 @@
 //! A verb is declared once, in a table: [`VERBS`] contains those of the settings; the console has its own table.
 
 use super::changes::{self, Change, option_words};
-use super::{mdns, own_network, point_words, servers, slaves, syslog, users};
+// As its verb.
+#[cfg(feature = "users")]
+use super::syslog;
+use super::{mdns, own_network, point_words, servers, slaves, users};
 use crate::scanner::POINTS;
 use crate::settings::{Role, SERVERS, USERS};
 
@@ -98,6 +101,8 @@ const POINTS_AND_OPTIONS: &[Offer] =
 const ROUTE: &[Offer] = &[Offer::Words(&["route"])];
 const NETWORK: &[Offer] = &[Offer::Each(|each| own_network::keywords().for_each(each))];
 const MDNS: &[Offer] = &[Offer::Each(|each| mdns::keywords().for_each(each))];
+// As its verb.
+#[cfg(feature = "users")]
 const SYSLOG: &[Offer] = &[Offer::Each(|each| syslog::keywords().for_each(each))];
 const USERS_OFFERED: &[Offer] = &[Offer::Users];
 const ROLES_OFFERED: &[Offer] = &[Offer::Words(&["role", "viewer", "operator", "engineer"])];

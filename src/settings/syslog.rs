@@ -4,9 +4,6 @@ use heapless::Vec;
 
 use crate::settings::{ServerAddress, USERS};
 
-/// The port of syslog by UDP (RFC 5426 3.3), and the usual one by TCP.
-pub(crate) const SYSLOG_PORT: u16 = 514;
-
 /// How messages travel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Transport {

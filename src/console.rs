@@ -179,21 +179,9 @@ async fn work<S: Store, Y: System>(
         }
         // As for users below.
         #[cfg(feature = "candidate")]
-        Wait::Commit { confirmed } => {
-            if let Some(candidate) = session.gateway.candidate() {
-                let committed = candidate
-                    .commit(session.gateway, store, confirmed, &|new| session.audit_difference(new))
-                    .await;
-                session.committed(committed, confirmed);
-            }
-        }
+        Wait::Commit { confirmed } => session.commit(store, confirmed).await,
         #[cfg(feature = "candidate")]
-        Wait::RollBack => {
-            if let Some(candidate) = session.gateway.candidate() {
-                let rolled_back = candidate.roll_back(session.gateway, session.actor()).await;
-                session.rolled_back(rolled_back);
-            }
-        }
+        Wait::RollBack => session.roll_back().await,
         Wait::Load => {
             let loaded =
                 reconfigure::load(session.gateway, store, &|new| session.audit_difference(new)).await;

@@ -11,9 +11,10 @@ use super::session::Session;
 use super::wait::Wait;
 use crate::gateway::Candidate;
 use crate::gateway::commit::Uncommitted;
+use crate::hal::Store;
 use crate::language::{Offer, Verbs, Words, Wrong, time};
 use crate::settings::Role::{Engineer, Viewer};
-use crate::settings::Time;
+use crate::settings::{Settings, Time};
 
 /// How long a commit waits for its confirmation, unless told.
 const CONFIRMED: Duration = Duration::from_secs(5 * 60);
@@ -107,9 +108,14 @@ impl<'g> Session<'_, 'g> {
         }
     }
 
-    /// Reports the outcome of a commit.
-    pub(super) fn committed(&mut self, committed: Result<(), Uncommitted>, confirmed: Option<Duration>) {
-        match (committed, confirmed) {
+    /// `commit`, `commit confirmed`
+    pub(super) async fn commit(&mut self, store: &mut impl Store, confirmed: Option<Duration>) {
+        let Some(candidate) = self.gateway.candidate() else {
+            self.fail(&Uncommitted::Nothing);
+            return;
+        };
+        let ahead = |new: &Settings| self.audit_difference(new);
+        match (candidate.commit(self.gateway, store, confirmed, &ahead).await, confirmed) {
             (Err(error), _) => _ = self.fail(&error),
             (Ok(()), None) => self.out.line(format_args!("in force and saved")),
             (Ok(()), Some(time)) => self.out.line(format_args!(
@@ -119,9 +125,13 @@ impl<'g> Session<'_, 'g> {
         }
     }
 
-    /// Reports the outcome of `rollback`.
-    pub(super) fn rolled_back(&mut self, rolled_back: Result<(), Uncommitted>) {
-        match rolled_back {
+    /// `rollback`
+    pub(super) async fn roll_back(&mut self) {
+        let Some(candidate) = self.gateway.candidate() else {
+            self.fail(&Uncommitted::NotWaiting);
+            return;
+        };
+        match candidate.roll_back(self.gateway, self.actor()).await {
             Ok(()) => self.out.line(format_args!("the settings from before are back in force")),
             Err(error) => _ = self.fail(&error),
         }

@@ -1,10 +1,12 @@
-//! `diff`: how the candidate differs from the settings in force.
+//! `show candidate`, and `diff`: how it differs from the settings in force.
 
-use core::fmt::Write as _;
+use core::fmt::{self, Write as _};
 
 use heapless::String;
 
+use super::output::Written;
 use super::session::Session;
+use super::table::Source;
 use super::wait::Wait;
 use crate::gateway::Candidate;
 use crate::language::{Shown, write_shown_line};
@@ -93,5 +95,19 @@ fn restarts(session: &mut Session<'_, '_>, in_force: &Settings, candidate: &Sett
     }
     if !names.is_empty() {
         session.out.line(format_args!("restarts:{names}"));
+    }
+}
+
+/// `show candidate`
+pub(super) fn row(source: &Source<'_, '_>, place: usize, out: &mut dyn fmt::Write) -> Written {
+    let candidate = source.gateway.candidate()?;
+    match candidate.remaining(source.now).filter(|_| place == 0) {
+        Some(time) => {
+            Some(write!(out, "# none: a commit waits for its confirmation for another {}s", time.as_secs()))
+        }
+        None => {
+            let settings = candidate.settings().ok()?;
+            write_shown_line(&settings, place, Shown::WithoutSecrets, out)
+        }
     }
 }

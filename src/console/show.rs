@@ -6,6 +6,8 @@ use embassy_time::Instant;
 
 #[cfg(feature = "users")]
 use super::audit;
+#[cfg(feature = "candidate")] // As the topic.
+use super::diff;
 use super::layout::{self, Columns, Layout};
 use super::log_in::Denied;
 use super::output::{NO_ROW, Written};
@@ -67,8 +69,7 @@ pub(super) const TOPICS: &[(&str, (Show, &str))] = &[
     #[cfg(feature = "users")]
     ("audit", (Show::Audit, "who changed what, from where, and what was refused")),
     ("config", (Show::Config, "the settings as lines; config secrets: with hashes")),
-    // As above.
-    #[cfg(feature = "candidate")]
+    #[cfg(feature = "candidate")] // As above.
     ("candidate", (Show::Candidate, "what commit would put in force")),
     ("network", (Show::Network, "the board's own address")),
     ("log", (Show::Log, "the last transactions")),
@@ -170,9 +171,8 @@ fn write(
         Show::Audit => audit::row(source, system, place, out),
         Show::Config => write_shown_line(source.settings, place, Shown::WithoutSecrets, out),
         Show::Secrets => write_shown_line(source.settings, place, Shown::WithSecrets, out),
-        // As above.
-        #[cfg(feature = "candidate")]
-        Show::Candidate => candidate(source, place, out),
+        #[cfg(feature = "candidate")] // As above.
+        Show::Candidate => diff::row(source, place, out),
         Show::Network => network(source.settings, system.network(), place, out),
         Show::Log => event(source, system, place, out),
         Show::Version => version(source, system, place, out),
@@ -320,21 +320,6 @@ fn count(source: &Source<'_, '_>, nth: usize, out: &mut dyn fmt::Write) -> Writt
         _ => return None,
     };
     Some(write!(out, "-\t{name}\t{count}\t\t"))
-}
-
-// As above.
-#[cfg(feature = "candidate")]
-fn candidate(source: &Source<'_, '_>, place: usize, out: &mut dyn fmt::Write) -> Written {
-    let candidate = source.gateway.candidate()?;
-    match candidate.remaining(source.now).filter(|_| place == 0) {
-        Some(time) => {
-            Some(write!(out, "# none: a commit waits for its confirmation for another {}s", time.as_secs()))
-        }
-        None => {
-            let settings = candidate.settings().ok()?;
-            write_shown_line(&settings, place, Shown::WithoutSecrets, out)
-        }
-    }
 }
 
 fn network(

@@ -29,7 +29,7 @@ use mobgate_clock as _;
 
 use super::*;
 use crate::frame::{FramePool, Slot};
-use crate::gateway::{Connection, Ports};
+use crate::gateway::{Candidate, Connection, Ports};
 use crate::hal::{NetworkState, NoUpdate, StoreError};
 use crate::modbus::Exception;
 use crate::scanner::ScannerState;
@@ -148,8 +148,7 @@ fn with_gateway(test: impl FnOnce(&Gateway<'_>)) {
     let ports = Ports::<5>::new();
     let connections = [const { Connection::new() }; CONNECTIONS];
     let pool = FramePool::new(&slots, CONNECTIONS + 5);
-    let scanner = ScannerState::new();
-    let candidate = crate::gateway::Candidate::new();
+    let (scanner, candidate) = (ScannerState::new(), Candidate::new());
     test(&Gateway::new(&pool, &ports, &connections).with_scanner(&scanner).with_candidate(&candidate));
 }
 

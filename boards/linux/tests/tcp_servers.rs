@@ -205,7 +205,7 @@ fn a_server_at_a_public_address_that_limits_nobody_is_warned_of() {
     in_own_network("a_server_at_a_public_address_that_limits_nobody_is_warned_of", || {
         ip(&format!("addr add 203.0.113.7/24 dev {MASTER_END}"));
         let lines = "port open tcp server {port}\nport limited tcp server 1502 allow 10.0.0.0/8\n\
-                     port local tcp server 127.0.0.1:1503\n";
+                     port own tcp server 127.0.0.1:1503\n";
         let program = Program::configured(lines);
         let warning = format!("TCP port {} serves whoever reaches 203.0.113.7", program.port);
         program.logs(&warning);

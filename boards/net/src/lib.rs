@@ -10,7 +10,6 @@
 pub mod address;
 mod closing;
 mod connector;
-mod listening;
 pub mod mdns;
 // Images without server names need no resolver.
 #[cfg_attr(not(feature = "servers"), path = "no_names.rs")]

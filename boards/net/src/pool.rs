@@ -11,7 +11,6 @@ use heapless::Vec;
 use mobgate::hal::{OpenError, OpenErrorKind};
 
 use crate::closing::end;
-use crate::listening::Listening;
 
 /// Most sockets in a pool.
 pub const SOCKETS_MAX: usize = 24;
@@ -25,14 +24,13 @@ pub struct Sockets {
     /// Dropped connections, whose peers are still to be told.
     dropped: RefCell<Vec<PooledTcp, SOCKETS_MAX>>,
     news: Signal<NoopRawMutex, ()>,
-    pub(crate) listening: Listening<SOCKETS_MAX>,
 }
 
 impl Sockets {
     /// One socket of `stack` for each of `buffers`, up to [`SOCKETS_MAX`]. Half of a buffer is for receiving, half for sending.
     pub fn new(stack: Stack<'static>, buffers: impl IntoIterator<Item = &'static mut [u8]>) -> Self {
         let free = RefCell::new(buffers.into_iter().take(SOCKETS_MAX).collect());
-        Self { stack, free, dropped: RefCell::default(), news: Signal::new(), listening: Listening::new() }
+        Self { stack, free, dropped: RefCell::default(), news: Signal::new() }
     }
 
     /// The sockets' network stack.

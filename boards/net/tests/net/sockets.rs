@@ -2,7 +2,7 @@
 
 use std::net::{Ipv4Addr, SocketAddr};
 
-use embassy_futures::join::{join, join_array, join3};
+use embassy_futures::join::{join, join3};
 use embassy_futures::select::select;
 use embassy_time::{Duration, Instant, Timer, with_timeout};
 use embedded_io_async::{Read, Write};
@@ -81,18 +81,6 @@ fn several_hosts_accept_at_the_same_port() {
         let (peers, _) =
             join(join3(accept(), accept(), accept()), join3(connect(), connect(), connect())).await;
         assert!(peers.0 != peers.1 && peers.1 != peers.2 && peers.0 != peers.2);
-    });
-}
-
-#[test]
-fn clients_that_connect_at_a_time_are_all_accepted() {
-    let mut world = World::new(9);
-    let (near, far, _) = wired(&world, 16, 17);
-    world.run_until(async {
-        let accept = || async { TcpSockets::new(far).accept(&PORT_502).await.unwrap() };
-        let connect = || async { Connector::new(near).connect(&server(FAR, 502)).await.unwrap() };
-        let accepted = join_array([(); 16].map(|()| accept()));
-        join(accepted, join_array([(); 16].map(|()| connect()))).await;
     });
 }
 

@@ -5,8 +5,8 @@ use embassy_futures::select::{Either, select};
 use mobgate::console::{Mode, run};
 use mobgate::frame::{FramePool, Slot};
 use mobgate::gateway::{Candidate, Gateway, Ports, reconfigure};
-use mobgate::hal::{NoUpdate, Store, StoreError};
-use mobgate_simulator::console::{Simulator, Terminal};
+use mobgate::hal::NoUpdate;
+use mobgate_simulator::console::{Medium, Simulator, Terminal};
 use mobgate_simulator::random::each_seed;
 
 use crate::prelude::*;
@@ -19,50 +19,6 @@ const STEPS: usize = 60;
 const CONFIRMED_MAX_S: u64 = 60;
 /// The line by which its user reaches the gateway: without it nobody types anything.
 const ACCESS: &str = "port access tcp server 502";
-
-/// A store whose power is cut in the middle of a save.
-#[derive(Default)]
-struct Medium {
-    saved: Vec<u8>,
-    next: Vec<u8>,
-    /// Calls until the power is cut, before or behind what the call does.
-    calls_left: Option<(u64, bool)>,
-}
-
-impl Medium {
-    /// Does `work`, unless the power is cut before; never returns if it is.
-    async fn call(&mut self, work: impl FnOnce(&mut Self)) {
-        if let Some((calls, late)) = &mut self.calls_left {
-            if *calls == 0 {
-                if *late {
-                    work(self);
-                }
-                return std::future::pending().await;
-            }
-            *calls -= 1;
-        }
-        work(self);
-    }
-}
-
-impl Store for Medium {
-    async fn read(&mut self, offset: usize, into: &mut [u8]) -> Result<usize, StoreError> {
-        let rest = self.saved.get(offset..).unwrap_or_default();
-        let count = rest.len().min(into.len());
-        into[..count].copy_from_slice(&rest[..count]);
-        Ok(count)
-    }
-
-    async fn append(&mut self, text: &[u8]) -> Result<(), StoreError> {
-        self.call(|medium| medium.next.extend_from_slice(text)).await;
-        Ok(())
-    }
-
-    async fn commit(&mut self) -> Result<(), StoreError> {
-        self.call(|medium| medium.saved = std::mem::take(&mut medium.next)).await;
-        Ok(())
-    }
-}
 
 /// The settings in force as text.
 fn in_force(gateway: &Gateway<'_>) -> String {

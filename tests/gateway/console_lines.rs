@@ -6,8 +6,8 @@ use std::convert::Infallible;
 use embedded_io_async::ErrorType;
 use mobgate::console::{Ended, Mode, run};
 use mobgate::gateway::Gateway;
-use mobgate::hal::{NoUpdate, Store, StoreError};
-use mobgate_simulator::console::Simulator;
+use mobgate::hal::NoUpdate;
+use mobgate_simulator::console::{Medium, Simulator};
 use mobgate_simulator::random::{Random, chosen};
 
 use crate::prelude::*;
@@ -202,31 +202,6 @@ impl Write for Typist<'_> {
     }
 }
 
-#[derive(Default)]
-struct Memory {
-    saved: Vec<u8>,
-    next: Vec<u8>,
-}
-
-impl Store for Memory {
-    async fn read(&mut self, offset: usize, into: &mut [u8]) -> Result<usize, StoreError> {
-        let rest = self.saved.get(offset..).unwrap_or_default();
-        let count = rest.len().min(into.len());
-        into[..count].copy_from_slice(&rest[..count]);
-        Ok(count)
-    }
-
-    async fn append(&mut self, text: &[u8]) -> Result<(), StoreError> {
-        self.next.extend_from_slice(text);
-        Ok(())
-    }
-
-    async fn commit(&mut self) -> Result<(), StoreError> {
-        self.saved = std::mem::take(&mut self.next);
-        Ok(())
-    }
-}
-
 /// Types as many lines of `seed` in `mode`; gives how many changed the settings, and how many were refused.
 fn type_lines(seed: u64, mode: Mode) -> (usize, usize) {
     rig::with_gateway(seed, SETTINGS, |world: &mut World<'_>, rig| {
@@ -246,7 +221,7 @@ fn type_lines(seed: u64, mode: Mode) -> (usize, usize) {
         let Ok(ended) = world.run_until(run(
             rig.gateway,
             &mut typist,
-            &mut Memory::default(),
+            &mut Medium::default(),
             &mut NoUpdate("this is a simulation"),
             &Simulator,
             mode,

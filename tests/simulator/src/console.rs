@@ -102,6 +102,52 @@ impl Store for NoStore {
     }
 }
 
+/// A store in memory, whose power may be cut in the middle of a save.
+#[derive(Debug, Default)]
+pub struct Medium {
+    /// The text that is saved.
+    pub saved: Vec<u8>,
+    /// The version being written.
+    pub next: Vec<u8>,
+    /// Calls until the power is cut, before or behind what the call does.
+    pub calls_left: Option<(u64, bool)>,
+}
+
+impl Medium {
+    /// Does `work`, unless the power is cut before; never returns if it is.
+    async fn call(&mut self, work: impl FnOnce(&mut Self)) {
+        if let Some((calls, late)) = &mut self.calls_left {
+            if *calls == 0 {
+                if *late {
+                    work(self);
+                }
+                return std::future::pending().await;
+            }
+            *calls -= 1;
+        }
+        work(self);
+    }
+}
+
+impl Store for Medium {
+    async fn read(&mut self, offset: usize, into: &mut [u8]) -> Result<usize, StoreError> {
+        let rest = self.saved.get(offset..).unwrap_or_default();
+        let count = rest.len().min(into.len());
+        into[..count].copy_from_slice(&rest[..count]);
+        Ok(count)
+    }
+
+    async fn append(&mut self, text: &[u8]) -> Result<(), StoreError> {
+        self.call(|medium| medium.next.extend_from_slice(text)).await;
+        Ok(())
+    }
+
+    async fn commit(&mut self) -> Result<(), StoreError> {
+        self.call(|medium| medium.saved = std::mem::take(&mut medium.next)).await;
+        Ok(())
+    }
+}
+
 /// A board that does nothing when it is to be restarted.
 pub struct Simulator;
 

@@ -118,6 +118,7 @@ impl Candidate {
                 Ok(())
             }
             Err(error) => {
+                ahead(&before);
                 self.go_back(gateway, &before, unsaved);
                 self.set(Stage::Open { changes: gateway.changes() });
                 Err(error.into())

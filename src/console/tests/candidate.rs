@@ -63,6 +63,11 @@ fn what_the_board_cannot_have_or_the_store_cannot_keep_changes_nothing() {
             "error: line 1, nothing has changed: there is no place to save settings: start with --config FILE\n"
         );
         assert_eq!(typed("show config"), before);
+        let audit = typed("show audit");
+        assert!(
+            audit.contains("- port P502 tcp server 502 clients 4"),
+            "the way back is in the trail: {audit}"
+        );
         assert!(typed("show candidate").contains("clients 4"), "the candidate is still there");
     });
 }

@@ -9,15 +9,15 @@
 
 mod ask;
 mod asks;
-// Replaced by stubs in images without a candidate.
-#[cfg_attr(not(feature = "candidate"), path = "console/no_candidate.rs")]
-mod candidate;
 // Without users there is no audit trail.
 #[cfg(feature = "users")]
 mod audit;
+// Replaced by a stub in images without a candidate.
+#[cfg_attr(not(feature = "candidate"), path = "console/no_candidate.rs")]
+mod candidate;
 mod command;
 mod complete;
-// As above.
+// Without a candidate there is nothing to compare.
 #[cfg(feature = "candidate")]
 mod diff;
 mod editor;

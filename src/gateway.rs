@@ -21,13 +21,13 @@ use crate::settings::{OwnNetwork, PortId, Settings, USERS};
 use crate::stats::Log;
 
 mod apply;
-// Replaced by a stub in images without a candidate.
 #[doc(hidden)] // Public for boards and tests.
 pub mod audit;
+// Replaced by a stub in images without a candidate.
 #[cfg_attr(not(feature = "candidate"), path = "gateway/no_candidate.rs")]
 mod candidate;
 mod check;
-// As above.
+// Without a candidate nothing is committed.
 #[cfg(feature = "candidate")]
 pub(crate) mod commit;
 mod connection;

@@ -4,10 +4,10 @@ use core::pin::pin;
 
 use embassy_executor::Spawner;
 use embassy_futures::join::join3;
+use embassy_net::StackResources;
 use embassy_net::driver::Driver;
-use embassy_net::{Runner, StackResources};
 use mobgate::settings::OwnNetwork;
-use mobgate_net::{STACK_SOCKETS, Sockets, address, mdns};
+use mobgate_net::{Backlog, Queued, STACK_SOCKETS, Sockets, address, mdns};
 use static_cell::{ConstStaticCell, StaticCell};
 
 use crate::gateway::{CONNECTIONS, CONNECTIONS_OUT, LIVENESS, Task, gateway};
@@ -21,24 +21,29 @@ const SOCKET_BYTES: usize = 2 * 260;
 static BUFFERS: ConstStaticCell<[[u8; SOCKET_BYTES]; SOCKETS]> =
     ConstStaticCell::new([[0; SOCKET_BYTES]; SOCKETS]);
 static RESOURCES: StaticCell<StackResources<{ SOCKETS + STACK_SOCKETS }>> = StaticCell::new();
+static BACKLOG: ConstStaticCell<Backlog> = ConstStaticCell::new(Backlog::new());
 static POOL: StaticCell<Sockets> = StaticCell::new();
+
+/// Runs the stack on a driver.
+pub type Runner<D> = embassy_net::Runner<'static, Queued<D>>;
 
 /// Starts the stack on `driver`, with DHCP until the settings are applied. The board runs [`stack`] as a task. `unique`, the chip's
 /// number, keeps boards from sending DHCP requests in step and from starting with the same TCP port.
-pub fn start<D: Driver>(spawner: Spawner, driver: D, unique: &[u8]) -> (Network, Runner<'static, D>) {
+pub fn start<D: Driver>(spawner: Spawner, driver: D, unique: &[u8]) -> (Network, Runner<D>) {
     // Need not be secret.
     let seed = unique.iter().fold(0, |seed: u64, &byte| seed.rotate_left(5) ^ u64::from(byte));
     let config = address::stack_config(&OwnNetwork::DEFAULT);
+    let backlog: &'static Backlog = BACKLOG.take();
+    let driver = Queued::new(driver, backlog);
     let (stack, runner) = embassy_net::new(driver, config, RESOURCES.init_with(StackResources::new), seed);
-    let buffers = BUFFERS.take().iter_mut().map(|buffer| buffer.as_mut_slice());
-    let sockets: &'static Sockets = POOL.init(Sockets::new(stack, buffers));
+    let sockets: &'static Sockets = POOL.init(Sockets::new(stack, backlog, BUFFERS.take()));
     // Spawned once: the task slot is free.
     spawner.spawn(run_sockets(sockets).unwrap());
     (Network(sockets), runner)
 }
 
 /// Runs the stack. The runner is borrowed, because a future stores its arguments twice.
-pub async fn stack<D: Driver>(runner: &mut Runner<'static, D>) -> ! {
+pub async fn stack<D: Driver>(runner: &mut Runner<D>) -> ! {
     LIVENESS.watch(Task::Stack as usize, pin!(runner.run())).await
 }
 

@@ -56,5 +56,5 @@ pub(crate) async fn settings(store: &mut impl Store, forget: bool) -> Result<(),
         store.commit().await.map_err(Problem::Store)?;
         return Err(Problem::Forgotten);
     }
-    reconfigure::load(gateway(), store, &|_| {}).await.map(drop).map_err(Problem::Unchanged)
+    reconfigure::load(gateway(), store, &|_| Ok(())).await.map(drop).map_err(Problem::Unchanged)
 }

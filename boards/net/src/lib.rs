@@ -1,13 +1,15 @@
 //! The gateway's sockets on embassy-net, for boards with their own Ethernet.
 //!
-//! A board creates a stack over its Ethernet driver, [`Sockets`] over the stack and a pool of buffers, and two tasks: one for
-//! embassy-net's runner, one for [`Sockets::run`], [`address::follow`] and [`mdns::run`]. Its connections, ports and consoles get
-//! copies of [`TcpSockets`], [`Connector`] and [`Datagrams`]; each open connection or UDP socket takes one buffer of the pool.
+//! A board creates a [`Backlog`], a stack over its Ethernet driver as [`Queued`], [`Sockets`] over the stack and a pool of buffers, and
+//! two tasks: one for embassy-net's runner, one for [`Sockets::run`], [`address::follow`] and [`mdns::run`]. Its connections, ports
+//! and consoles get copies of [`TcpSockets`], [`Connector`] and [`Datagrams`]; each open connection or UDP socket takes one buffer of
+//! the pool.
 #![no_std]
 // Allowed only where a socket's buffer is lent and returned (`pool`).
 #![deny(unsafe_code)]
 
 pub mod address;
+mod backlog;
 mod closing;
 mod connector;
 pub mod mdns;
@@ -15,13 +17,20 @@ pub mod mdns;
 #[cfg_attr(not(feature = "servers"), path = "no_names.rs")]
 mod names;
 mod pool;
+mod queued;
+mod syn;
 mod tcp;
 mod udp;
 
+pub use backlog::Backlog;
 pub use connector::Connector;
-pub use pool::{SOCKETS_MAX, Sockets};
+pub use pool::Sockets;
+pub use queued::{Queued, Received};
 pub use tcp::{TcpSockets, TcpStream};
 pub use udp::{Datagram, Datagrams};
 
 /// Sockets that a stack's resources need besides those of [`Sockets`]: DHCP, multicast DNS, and DNS look-ups.
 pub const STACK_SOCKETS: usize = if cfg!(feature = "servers") { 3 } else { 2 };
+
+/// Most sockets in a pool.
+pub const SOCKETS_MAX: usize = 24;

@@ -1,36 +1,48 @@
 //! The board's sockets: one buffer each, lent to a connection and returned once embassy-net has released the socket.
 
-use core::cell::RefCell;
+use core::cell::{Cell, RefCell};
+use core::mem::forget;
 use core::ptr::NonNull;
+use core::slice;
 
 use embassy_net::Stack;
 use embassy_net::tcp::TcpSocket;
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::signal::Signal;
-use heapless::Vec;
 use mobgate::hal::{OpenError, OpenErrorKind};
 
+use crate::SOCKETS_MAX;
+use crate::backlog::Backlog;
 use crate::closing::end;
-
-/// Most sockets in a pool.
-pub const SOCKETS_MAX: usize = 24;
 
 /// The sockets that a board can have open at a time.
 ///
 /// The stack's resources need a slot for each of them and some for its own use: `StackResources<{ SOCKETS + STACK_SOCKETS }>`.
 pub struct Sockets {
     pub(crate) stack: Stack<'static>,
-    free: RefCell<Vec<&'static mut [u8], SOCKETS_MAX>>,
-    /// Dropped connections, whose peers are still to be told.
-    dropped: RefCell<Vec<PooledTcp, SOCKETS_MAX>>,
+    pub(crate) backlog: &'static Backlog,
+    /// The first buffer; the others follow.
+    buffers: NonNull<u8>,
+    buffer_bytes: usize,
+    /// A bit for each buffer that nobody has.
+    free: Cell<u32>,
+    /// Dropped connections, whose peers are still to be told, by the numbers of their buffers.
+    dropped: RefCell<[Option<TcpSocket<'static>>; SOCKETS_MAX]>,
     news: Signal<NoopRawMutex, ()>,
 }
 
 impl Sockets {
-    /// One socket of `stack` for each of `buffers`, up to [`SOCKETS_MAX`]. Half of a buffer is for receiving, half for sending.
-    pub fn new(stack: Stack<'static>, buffers: impl IntoIterator<Item = &'static mut [u8]>) -> Self {
-        let free = RefCell::new(buffers.into_iter().take(SOCKETS_MAX).collect());
-        Self { stack, free, dropped: RefCell::default(), news: Signal::new() }
+    /// One socket of `stack` for each of `buffers`, up to [`SOCKETS_MAX`]. Half of a buffer is for receiving, half for sending. SYNs
+    /// that the stack's driver receives wait in `backlog`.
+    pub fn new<const N: usize>(
+        stack: Stack<'static>,
+        backlog: &'static Backlog,
+        buffers: &'static mut [[u8; N]],
+    ) -> Self {
+        let free = Cell::new((1 << buffers.len().min(SOCKETS_MAX)) - 1);
+        let buffers = NonNull::from(buffers.as_flattened_mut()).cast();
+        let dropped = RefCell::new([const { None }; SOCKETS_MAX]);
+        Self { stack, backlog, buffers, buffer_bytes: N, free, dropped, news: Signal::new() }
     }
 
     /// The sockets' network stack.
@@ -40,33 +52,28 @@ impl Sockets {
 
     /// Number of sockets that could be opened now.
     pub fn free(&self) -> usize {
-        self.free.borrow().len()
+        self.free.get().count_ones() as usize
     }
 
     /// Closes connections that were dropped without closing; never returns. Their peers would wait in vain otherwise.
-    pub async fn run(&self) -> ! {
+    pub async fn run(&'static self) -> ! {
         loop {
-            let next = self.dropped.borrow_mut().pop();
-            match next {
+            match self.next_dropped() {
                 Some(mut socket) => end(socket.get()).await,
                 None => self.news.wait().await,
             }
         }
     }
 
-    /// A TCP socket, if one is free.
-    pub(crate) fn tcp(&'static self) -> Result<PooledTcp, OpenError> {
-        let mut lease = Lease::take(self)?;
-        let (receive, transmit) = lease.halves();
-        Ok(PooledTcp { socket: TcpSocket::new(self.stack, receive, transmit), lease })
+    fn next_dropped(&'static self) -> Option<PooledTcp> {
+        let mut dropped = self.dropped.borrow_mut();
+        let number = dropped.iter().position(Option::is_some)?;
+        Some(PooledTcp { socket: dropped[number].take()?, lease: Lease { sockets: self, number } })
     }
 
-    /// Leaves closing a connection to [`run`](Self::run).
-    pub(crate) fn end_later(&self, mut socket: PooledTcp) {
-        socket.get().close();
-        // As many slots as sockets, so it fits. Otherwise the socket would vanish silently.
-        let _ = self.dropped.borrow_mut().push(socket);
-        self.news.signal(());
+    /// A TCP socket, if one is free.
+    pub(crate) fn tcp(&'static self) -> Result<PooledTcp, OpenError> {
+        Lease::take(self).map(PooledTcp::new)
     }
 }
 
@@ -77,45 +84,61 @@ pub(crate) struct PooledTcp {
 }
 
 impl PooledTcp {
+    /// A socket with the buffer of `lease`.
+    pub(crate) fn new(mut lease: Lease) -> Self {
+        let (receive, transmit) = lease.halves();
+        Self { socket: TcpSocket::new(lease.sockets.stack, receive, transmit), lease }
+    }
+
     pub(crate) fn get(&mut self) -> &mut TcpSocket<'static> {
         &mut self.socket
     }
 
-    pub(crate) fn sockets(&self) -> &'static Sockets {
-        self.lease.sockets
+    /// Leaves closing the connection to [`Sockets::run`].
+    pub(crate) fn end_later(self) {
+        let Self { mut socket, lease } = self;
+        socket.close();
+        lease.sockets.dropped.borrow_mut()[lease.number] = Some(socket);
+        lease.sockets.news.signal(());
+        // It is the dropped socket's now.
+        forget(lease);
     }
 }
 
 /// A buffer on loan from the pool, returned on drop.
 pub(crate) struct Lease {
     sockets: &'static Sockets,
-    buffer: NonNull<[u8]>,
+    pub(crate) number: usize,
 }
 
 impl Lease {
     /// A buffer of the pool, if one is free.
     pub(crate) fn take(sockets: &'static Sockets) -> Result<Self, OpenError> {
-        let buffer = sockets.free.borrow_mut().pop();
-        let buffer = buffer.ok_or(OpenError::new(OpenErrorKind::Exhausted, ""))?;
-        Ok(Self { sockets, buffer: NonNull::from(buffer) })
+        let free = sockets.free.get();
+        if free == 0 {
+            return Err(OpenError::new(OpenErrorKind::Exhausted, ""));
+        }
+        // Without the lowest of its bits.
+        sockets.free.set(free & (free - 1));
+        Ok(Self { sockets, number: free.trailing_zeros() as usize })
     }
 
     /// The two halves of the buffer, for one socket that is dropped before the lease.
     pub(crate) fn halves(&mut self) -> (&'static mut [u8], &'static mut [u8]) {
-        // SAFETY: the buffer came from a `&'static mut` that only this lease has. This is called once per lease, and both owners of
-        // a lease declare the socket with the halves before the lease, or borrow from it.
+        let bytes = self.sockets.buffer_bytes;
+        // SAFETY: a lease's number is that of a buffer, and the pool has them all from a `&'static mut`. Only this lease has the
+        // number. This is called once per lease, and both owners of a lease declare the socket with the halves before the lease, or
+        // borrow from it.
         #[allow(unsafe_code)]
-        let buffer = unsafe { self.buffer.as_mut() };
-        buffer.split_at_mut(buffer.len() / 2)
+        let buffer = unsafe {
+            slice::from_raw_parts_mut(self.sockets.buffers.add(self.number * bytes).as_ptr(), bytes)
+        };
+        buffer.split_at_mut(bytes / 2)
     }
 }
 
 impl Drop for Lease {
     fn drop(&mut self) {
-        // SAFETY: the socket with the halves is gone (see `halves`), so this is the only reference again.
-        #[allow(unsafe_code)]
-        let buffer = unsafe { self.buffer.as_mut() };
-        // It was taken from there, so it fits.
-        let _ = self.sockets.free.borrow_mut().push(buffer);
+        self.sockets.free.update(|free| free | 1 << self.number);
     }
 }

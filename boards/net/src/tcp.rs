@@ -1,7 +1,11 @@
 //! Accepted TCP connections, and the options of all connections.
 
+use core::future::{Future, poll_fn};
 use core::net::{IpAddr, SocketAddr};
+use core::pin::pin;
+use core::task::Poll;
 
+use embassy_futures::poll_once;
 use embassy_net::tcp::{Error, State, TcpSocket};
 use embassy_net::{IpEndpoint, IpListenEndpoint};
 use embassy_time::Duration;
@@ -10,7 +14,7 @@ use mobgate::hal::{self, OpenError, OpenErrorKind, TcpHost};
 use mobgate::settings::TcpListen;
 
 use crate::closing::end;
-use crate::pool::{PooledTcp, Sockets};
+use crate::pool::{Lease, PooledTcp, Sockets};
 
 /// A peer that acknowledges nothing for this long is gone.
 const PEER_TIMEOUT: Duration = Duration::from_secs(30);
@@ -19,7 +23,7 @@ const KEEPALIVE: Duration = Duration::from_secs(10);
 
 pub(crate) const IPV4_ONLY: OpenError = OpenError::new(OpenErrorKind::Unsupported, "this board speaks IPv4");
 
-/// Accepts connections. Each waiting host has its own listening socket, so several may wait on one port.
+/// Accepts connections. Several hosts may wait on one port: each has a socket of its own, and a few of them listen at a time.
 #[derive(Clone, Copy)]
 pub struct TcpSockets(&'static Sockets);
 
@@ -38,17 +42,34 @@ impl TcpHost for TcpSockets {
     }
 
     async fn accept(&mut self, listen: &TcpListen) -> Result<(TcpStream, SocketAddr), OpenError> {
-        let at = endpoint(self.0, listen)?;
-        let mut pooled = self.0.tcp()?;
-        let socket = pooled.get();
-        // Before listening: a handshake that is never completed must time out, too.
-        set_up(socket);
         loop {
-            match (socket.accept(at).await, socket.remote_endpoint()) {
-                (Ok(()), Some(peer)) => return Ok((TcpStream::new(pooled), address(peer))),
-                // The peer gave up during the handshake.
-                (Ok(()), None) => socket.abort(),
-                (Err(_), _) => return Err(OpenError::new(OpenErrorKind::Failed, "")),
+            // Before the turn: nobody else gets the buffer meanwhile.
+            let lease = Lease::take(self.0)?;
+            let mut turn = Some(self.0.backlog.turn(listen.port, lease.number).await);
+            let at = endpoint(self.0, listen)?;
+            let mut pooled = PooledTcp::new(lease);
+            let socket = pooled.get();
+            // Before listening: a handshake that is never completed must time out, too.
+            set_up(socket);
+            if let Poll::Ready(Err(_)) = poll_once(socket.accept(at)) {
+                return Err(OpenError::new(OpenErrorKind::Failed, ""));
+            }
+            poll_fn(|context| {
+                // Each change of the state wakes who waits to write, which none of these states allows.
+                let _ = pin!(socket.wait_write_ready()).poll(context);
+                match socket.state() {
+                    State::Listen if turn.is_some() => Poll::Pending,
+                    State::SynReceived => {
+                        turn = None;
+                        Poll::Pending
+                    }
+                    _ => Poll::Ready(()),
+                }
+            })
+            .await;
+            // If there is none, the peer gave up during the handshake.
+            if let Some(peer) = socket.remote_endpoint() {
+                return Ok((TcpStream::new(pooled), address(peer)));
             }
         }
     }
@@ -111,7 +132,7 @@ impl Drop for TcpStream {
         if let Some(mut pooled) = self.0.take()
             && pooled.get().state() != State::Closed
         {
-            pooled.sockets().end_later(pooled);
+            pooled.end_later();
         }
     }
 }

@@ -25,7 +25,7 @@ mod vectors;
 
 use embassy_net::Runner;
 use mobgate::settings::PortId;
-use mobgate_net::{Connector, Datagrams, Sockets, TcpSockets};
+use mobgate_net::{Connector, Datagrams, Queued, Sockets, TcpSockets};
 
 use crate::board::{Board, Store};
 use crate::ethernet::Ethernet;
@@ -49,7 +49,7 @@ async fn connection(index: usize, sockets: &'static Sockets) {
 }
 
 #[embassy_executor::task]
-async fn network(mut runner: Runner<'static, Ethernet>) {
+async fn network(mut runner: Runner<'static, Queued<Ethernet>>) {
     runner.run().await
 }
 

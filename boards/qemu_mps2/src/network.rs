@@ -4,7 +4,7 @@ use embassy_futures::join::join4;
 use embassy_net::{Runner, StackResources};
 use mobgate::gateway::Gateway;
 use mobgate::settings::OwnNetwork;
-use mobgate_net::{STACK_SOCKETS, Sockets, address, mdns};
+use mobgate_net::{Backlog, Queued, STACK_SOCKETS, Sockets, address, mdns};
 use static_cell::{ConstStaticCell, StaticCell};
 
 use crate::ethernet::Ethernet;
@@ -18,18 +18,19 @@ const SOCKETS: usize = CONNECTIONS + CLIENTS;
 const SOCKET_BYTES: usize = 2 * 640;
 
 /// Starts the network with this setting. The caller must run the runner.
-pub(crate) fn start(setting: &OwnNetwork) -> (&'static Sockets, Runner<'static, Ethernet>) {
+pub(crate) fn start(setting: &OwnNetwork) -> (&'static Sockets, Runner<'static, Queued<Ethernet>>) {
     static RESOURCES: StaticCell<StackResources<{ SOCKETS + STACK_SOCKETS }>> = StaticCell::new();
     static BUFFERS: ConstStaticCell<[[u8; SOCKET_BYTES]; SOCKETS]> =
         ConstStaticCell::new([[0; SOCKET_BYTES]; SOCKETS]);
+    static BACKLOG: ConstStaticCell<Backlog> = ConstStaticCell::new(Backlog::new());
     static POOL: StaticCell<Sockets> = StaticCell::new();
     // Otherwise connections after a restart would reuse ports and sequence numbers.
     let seed = semihosting::host_time() as u64;
     let config = address::stack_config(setting);
-    let (stack, runner) =
-        embassy_net::new(Ethernet::start(), config, RESOURCES.init(StackResources::new()), seed);
-    let buffers = BUFFERS.take().iter_mut().map(|buffer| &mut buffer[..]);
-    (POOL.init(Sockets::new(stack, buffers)), runner)
+    let backlog: &'static Backlog = BACKLOG.take();
+    let driver = Queued::new(Ethernet::start(), backlog);
+    let (stack, runner) = embassy_net::new(driver, config, RESOURCES.init(StackResources::new()), seed);
+    (POOL.init(Sockets::new(stack, backlog, BUFFERS.take())), runner)
 }
 
 /// The network's background jobs: closing connections, following the settings, multicast DNS, and logging the link state.

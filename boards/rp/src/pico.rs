@@ -3,7 +3,6 @@
 use core::fmt::Write;
 
 use embassy_executor::Spawner;
-use embassy_net::Runner;
 use embassy_rp::dma::{self, Channel};
 use embassy_rp::gpio::{Input, Level, Output, Pull};
 use embassy_rp::peripherals as p;
@@ -15,7 +14,7 @@ use embassy_sync::mutex::Mutex;
 use embedded_hal_bus::spi::ExclusiveDevice;
 use mobgate_firmware::gateway::PORTS;
 use mobgate_firmware::lines::{LINES, Lines, SharedLine};
-use mobgate_firmware::network::Network;
+use mobgate_firmware::network::{Network, Runner};
 use mobgate_firmware::start::is_held;
 use mobgate_firmware::system::Board;
 use mobgate_firmware::{console as terminal, gateway, network, watchdog};
@@ -135,7 +134,7 @@ fn serial(unique: &[u8; UNIQUE_BYTES]) -> &'static str {
 }
 
 #[embassy_executor::task]
-async fn stack(mut runner: Runner<'static, LateEthernet>) -> ! {
+async fn stack(mut runner: Runner<LateEthernet>) -> ! {
     network::stack(&mut runner).await
 }
 

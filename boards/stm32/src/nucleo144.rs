@@ -2,7 +2,6 @@
 
 use cortex_m::peripheral::SCB;
 use embassy_executor::Spawner;
-use embassy_net::Runner;
 use embassy_stm32::flash::Flash;
 use embassy_stm32::gpio::{Input, Pull};
 use embassy_stm32::uid::uid;
@@ -14,7 +13,7 @@ use mobgate::settings::{LineSettings, Parity};
 use mobgate_firmware::console::{self, Terminal};
 use mobgate_firmware::gateway::PORTS;
 use mobgate_firmware::lines::{LINES, Line, Lines, SharedLine};
-use mobgate_firmware::network::Network;
+use mobgate_firmware::network::{Network, Runner};
 use mobgate_firmware::system::Board;
 use mobgate_firmware::{gateway, network, start, watchdog};
 use mobgate_image::Info;
@@ -122,7 +121,7 @@ pub async fn run(spawner: Spawner, info: &'static Info, p: Peripherals) -> ! {
 }
 
 /// Starts the stack, the gateway and its ports.
-fn spawn(spawner: Spawner, runner: Runner<'static, LateEthernet>, lines: Lines<UartLine>, network: Network) {
+fn spawn(spawner: Spawner, runner: Runner<LateEthernet>, lines: Lines<UartLine>, network: Network) {
     // Each pool has room for the tasks spawned here, and this runs once: no `unwrap` can fail.
     spawner.spawn(stack(runner).unwrap());
     gateway::start(spawner, network);
@@ -134,7 +133,7 @@ fn spawn(spawner: Spawner, runner: Runner<'static, LateEthernet>, lines: Lines<U
 impl Terminal for UartLine {}
 
 #[embassy_executor::task]
-async fn stack(mut runner: Runner<'static, LateEthernet>) -> ! {
+async fn stack(mut runner: Runner<LateEthernet>) -> ! {
     network::stack(&mut runner).await
 }
 

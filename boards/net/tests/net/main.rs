@@ -1,5 +1,6 @@
 //! embassy-net's sockets as the gateway uses them, in virtual time.
 
+mod backlog;
 mod cable;
 mod mdns;
 mod sockets;

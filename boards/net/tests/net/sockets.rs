@@ -16,13 +16,13 @@ use mobgate_simulator::World;
 
 use crate::cable::{FAR, NEAR, wired};
 
-const PORT_502: TcpListen = TcpListen { address: None, port: 502 };
+pub(crate) const PORT_502: TcpListen = TcpListen { address: None, port: 502 };
 
 fn at(address: Ipv4Addr, port: u16) -> SocketAddr {
     SocketAddr::new(address.into(), port)
 }
 
-fn server(address: Ipv4Addr, port: u16) -> ServerAddress {
+pub(crate) fn server(address: Ipv4Addr, port: u16) -> ServerAddress {
     at(address, port).into()
 }
 

@@ -53,6 +53,19 @@ pub(crate) fn with_ethercrab(
     with_master(&mut world, cable(line), script);
 }
 
+/// A device behind an SPI, once its chip is ready, and the chip.
+pub(crate) fn behind_spi(interrupt: InterruptPin, timing: Timing) -> (Rig<Bench>, Lan9252) {
+    let mut used = None;
+    let reach = |chip| {
+        let (driver, line, lan9252) = lan9252_with(chip, interrupt, timing);
+        used = Some(lan9252);
+        (driver, line)
+    };
+    let mut rig = Rig::reached_by(&MAILBOX_128, Bench::default(), Duration::from_millis(2), reach);
+    rig.pass(100);
+    (rig, used.unwrap())
+}
+
 /// A device in Op whose processor works in pieces with random pauses of up to `pause_us` between them; it is waited for as long as
 /// `wait` after each frame.
 pub(crate) fn slow_device(seed: u64, pause_us: u64, wait: Duration) -> (Rig<SharedEcho>, SharedEcho) {

@@ -9,19 +9,6 @@ const SEEN_MS: u64 = 100;
 const BACK: Duration = Duration::from_secs(1);
 const PAUSE: Duration = Duration::from_millis(2);
 
-/// A device behind an SPI, and the chip.
-fn behind_spi(interrupt: InterruptPin, timing: Timing) -> (Rig<Bench>, Lan9252) {
-    let mut used = None;
-    let reach = |chip| {
-        let (driver, line, lan9252) = lan9252_with(chip, interrupt, timing);
-        used = Some(lan9252);
-        (driver, line)
-    };
-    let mut rig = Rig::reached_by(&MAILBOX_128, Bench::default(), PAUSE, reach);
-    rig.pass(100);
-    (rig, used.unwrap())
-}
-
 /// The ways of a processor to its chip.
 const REACHED: [fn() -> Rig<Bench>; 2] = [
     || behind_spi(InterruptPin::High, Timing::USUAL).0,

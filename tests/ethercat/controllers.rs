@@ -34,12 +34,7 @@ fn a_main_device_that_writes_all_eight_sync_managers_leaves_no_event_behind() {
 #[test]
 fn a_chip_whose_memory_is_slower_than_the_spi_reaches_op_and_stays_there() {
     let timing = Timing { fifo_nanos: 2_000, ..Timing::USUAL };
-    let reach = |chip| {
-        let (driver, line, _) = lan9252_with(chip, InterruptPin::High, timing);
-        (driver, line)
-    };
-    let mut rig = Rig::reached_by(&MAILBOX_128, Bench::default(), Duration::from_millis(2), reach);
-    rig.pass(100);
+    let (mut rig, _) = behind_spi(InterruptPin::High, timing);
     rig.bring_to(OP);
     for fill in 0..100 {
         assert_eq!(rig.cycle(fill).1, 3);

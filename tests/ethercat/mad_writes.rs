@@ -18,14 +18,7 @@ fn rig(random: &mut Random) -> Rig<Bench> {
             let start = Start { kind: Kind::ET1100, pause, edges: true };
             Rig::start(&MAILBOX_128, Bench::default(), start, direct)
         }
-        _ => {
-            let mut rig = Rig::reached_by(&MAILBOX_128, Bench::default(), pause, |chip| {
-                let (driver, line, _) = lan9252_with(chip, InterruptPin::High, Timing::USUAL);
-                (driver, line)
-            });
-            rig.pass(100);
-            rig
-        }
+        _ => behind_spi(InterruptPin::High, Timing::USUAL).0,
     }
 }
 

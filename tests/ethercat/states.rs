@@ -1,7 +1,6 @@
 //! Conformance: the state machine, its error codes, the process data watchdog (statements 1 to 20).
 
 use ethercat_subdevice::al_state::AlStatusCode;
-use ethercat_subdevice::lan9252::Lan9252 as Driver;
 use mobgate_simulator::esc::Segment;
 
 use crate::prelude::*;
@@ -333,16 +332,9 @@ fn statement_20_without_an_identification_none_is_shown() {
 
 #[test]
 fn statement_54_after_a_reset_of_the_chip_the_device_is_in_init_with_0060_and_comes_back() {
-    let mut used = None;
-    let reach = |chip| {
-        let lan9252 = Lan9252::new(chip, Timing::USUAL);
-        used = Some(lan9252.clone());
-        (Driver::new(lan9252.spi(), Wiring::default()), lan9252.interrupt())
-    };
-    let mut rig = Rig::reached_by(&MAILBOX_128, Bench::default(), Duration::from_millis(2), reach);
-    rig.pass(100);
+    let (mut rig, chip) = behind_spi(InterruptPin::High, Timing::USUAL);
     rig.bring_to(OP);
-    used.unwrap().reset();
+    chip.reset();
     rig.pass(200);
     assert_eq!(rig.status(), (INIT | ERROR, 0x0060));
     assert_eq!(rig.application().stops, 1, "outputs are not valid any more");

@@ -54,14 +54,7 @@ impl Kind {
         eeprom_reads_eight: false,
     };
     /// Beckhoff's ASIC.
-    pub const ET1100: Self = Self {
-        identity: [0x11, 0, 0x02, 0],
-        fmmus: 8,
-        sync_managers: 8,
-        ram_kib: 8,
-        features: 0x01CC,
-        eeprom_reads_eight: false,
-    };
+    pub const ET1100: Self = Self { identity: [0x11, 0, 0x02, 0], ram_kib: 8, ..Self::IP_CORE };
 }
 
 /// A chip shared by frames and the processor.

@@ -67,6 +67,13 @@ async fn with_store(gateway: &Gateway<'_>, store: &SlowStore, script: impl Futur
     }
 }
 
+/// Runs `script` with a MainDevice, and the gateway that `store` serves.
+fn with_kept(settings: &str, store: &SlowStore, script: impl AsyncFnOnce(Dispatcher<'_>, &Gateway<'_>)) {
+    with_wire(115_200, settings, Vec::new(), async |dispatcher, gateway| {
+        with_store(gateway, store, script(dispatcher, gateway)).await;
+    });
+}
+
 #[test]
 fn statement_56_a_configuration_is_saved_on_command_while_process_data_go_on_and_is_in_use_after_a_restart() {
     let store = SlowStore::default();
@@ -132,29 +139,22 @@ fn statement_56_what_cannot_be_saved_is_aborted() {
         assert_eq!(abort_code(nobody), Some(0x0800_0020), "nobody has a store");
     });
     let store = SlowStore::failing(1);
-    with_wire(115_200, SETTINGS, Vec::new(), async |dispatcher, gateway| {
-        with_store(gateway, &store, async {
-            let group = dispatcher.to_pre_op().await.unwrap();
-            let device = group.subdevice(dispatcher.master, 0).unwrap();
-            device.sdo_write(0x2005, 1, 1_u16).await.unwrap();
-            let begin = Instant::now();
-            let refused = device.sdo_write(0x1010, 1, SAVE).await;
-            assert_eq!(abort_code(refused), Some(0x0800_0020));
-            assert!(begin.elapsed() >= SLOW);
-            assert_eq!(
-                device.sdo_read::<[u8; 25]>(0x10f3, 6).await.unwrap()[6],
-                5,
-                "and it is in the history"
-            );
-            assert!(
-                device
-                    .sdo_read::<[u8; 48]>(0x2006, 0)
-                    .await
-                    .unwrap()
-                    .starts_with(b"the settings could not be saved")
-            );
-        })
-        .await;
+    with_kept(SETTINGS, &store, async |dispatcher, _| {
+        let group = dispatcher.to_pre_op().await.unwrap();
+        let device = group.subdevice(dispatcher.master, 0).unwrap();
+        device.sdo_write(0x2005, 1, 1_u16).await.unwrap();
+        let begin = Instant::now();
+        let refused = device.sdo_write(0x1010, 1, SAVE).await;
+        assert_eq!(abort_code(refused), Some(0x0800_0020));
+        assert!(begin.elapsed() >= SLOW);
+        assert_eq!(device.sdo_read::<[u8; 25]>(0x10f3, 6).await.unwrap()[6], 5, "and it is in the history");
+        assert!(
+            device
+                .sdo_read::<[u8; 48]>(0x2006, 0)
+                .await
+                .unwrap()
+                .starts_with(b"the settings could not be saved")
+        );
     });
     assert_eq!(store.saved(), None);
 }
@@ -162,23 +162,20 @@ fn statement_56_what_cannot_be_saved_is_aborted() {
 #[test]
 fn statement_56_a_save_of_before_a_restart_from_init_answers_no_other_sdo() {
     let store = SlowStore::failing(1);
-    with_wire(115_200, SETTINGS, Vec::new(), async |dispatcher, gateway| {
-        with_store(gateway, &store, async {
-            let group = dispatcher.to_pre_op().await.unwrap();
-            let device = group.subdevice(dispatcher.master, 0).unwrap();
-            device.sdo_write(0x2005, 1, 1_u16).await.unwrap();
-            let begin = Instant::now();
-            let saved = select(device.sdo_write(0x1010, 1, SAVE), Timer::after(10 * MS)).await;
-            assert!(matches!(saved, Either::Second(())), "the MainDevice does not wait for it");
+    with_kept(SETTINGS, &store, async |dispatcher, _| {
+        let group = dispatcher.to_pre_op().await.unwrap();
+        let device = group.subdevice(dispatcher.master, 0).unwrap();
+        device.sdo_write(0x2005, 1, 1_u16).await.unwrap();
+        let begin = Instant::now();
+        let saved = select(device.sdo_write(0x1010, 1, SAVE), Timer::after(10 * MS)).await;
+        assert!(matches!(saved, Either::Second(())), "the MainDevice does not wait for it");
 
-            let group = dispatcher.to_pre_op().await.unwrap();
-            let device = group.subdevice(dispatcher.master, 0).unwrap();
-            device.sdo_write(0x2001, 10, 1_000_u32).await.unwrap();
-            assert!(begin.elapsed() < SLOW, "another SDO does not wait for it either");
-            device.sdo_write(0x1010, 1, SAVE).await.unwrap();
-            assert!(begin.elapsed() >= 2 * SLOW, "the outcome is its own: the first one failed");
-        })
-        .await;
+        let group = dispatcher.to_pre_op().await.unwrap();
+        let device = group.subdevice(dispatcher.master, 0).unwrap();
+        device.sdo_write(0x2001, 10, 1_000_u32).await.unwrap();
+        assert!(begin.elapsed() < SLOW, "another SDO does not wait for it either");
+        device.sdo_write(0x1010, 1, SAVE).await.unwrap();
+        assert!(begin.elapsed() >= 2 * SLOW, "the outcome is its own: the first one failed");
     });
     assert!(store.saved().is_some());
 }
@@ -211,22 +208,19 @@ fn restored_defaults_hold_after_a_restart() {
     let store = SlowStore::default();
     let settings =
         format!("{SETTINGS}\nslave 0 unit 7 holding 9005 count 4 read 20ms check on-silence substitute 9");
-    with_wire(115_200, &settings, Vec::new(), async |dispatcher, gateway| {
-        with_store(gateway, &store, async {
-            assert!(gateway.ethercat().unwrap().is_running());
-            let group = dispatcher.to_pre_op().await.unwrap();
-            let device = group.subdevice(dispatcher.master, 0).unwrap();
-            for (index, sub, value) in [(0x2000, 1, 1), (0x2001, 1, 7), (0x2001, 8, 4), (0x2001, 9, 9_005)] {
-                assert_eq!(device.sdo_read::<u16>(index, sub).await.unwrap(), value);
-            }
-            assert_eq!(device.sdo_read::<u8>(0x2007, 1).await.unwrap(), 1);
-            assert_eq!(device.sdo_read::<u8>(0x2008, 1).await.unwrap(), 2);
-            assert_eq!(device.sdo_read::<u16>(0x2009, 1).await.unwrap(), 9);
-            device.sdo_write(0x2005, 2, 0_u16).await.unwrap();
-            device.sdo_write(0x1011, 1, LOAD).await.unwrap();
-            assert_eq!(device.sdo_read::<u16>(0x2000, 1).await.unwrap(), 4);
-        })
-        .await;
+    with_kept(&settings, &store, async |dispatcher, gateway| {
+        assert!(gateway.ethercat().unwrap().is_running());
+        let group = dispatcher.to_pre_op().await.unwrap();
+        let device = group.subdevice(dispatcher.master, 0).unwrap();
+        for (index, sub, value) in [(0x2000, 1, 1), (0x2001, 1, 7), (0x2001, 8, 4), (0x2001, 9, 9_005)] {
+            assert_eq!(device.sdo_read::<u16>(index, sub).await.unwrap(), value);
+        }
+        assert_eq!(device.sdo_read::<u8>(0x2007, 1).await.unwrap(), 1);
+        assert_eq!(device.sdo_read::<u8>(0x2008, 1).await.unwrap(), 2);
+        assert_eq!(device.sdo_read::<u16>(0x2009, 1).await.unwrap(), 9);
+        device.sdo_write(0x2005, 2, 0_u16).await.unwrap();
+        device.sdo_write(0x1011, 1, LOAD).await.unwrap();
+        assert_eq!(device.sdo_read::<u16>(0x2000, 1).await.unwrap(), 4);
     });
     let text = store.saved().unwrap();
     assert!(!text.contains("slave") && text.contains("port ecat ethercat"), "{text}");

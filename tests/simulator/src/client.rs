@@ -1,4 +1,4 @@
-//! Modbus TCP clients, written from the specification and not from the gateway's codecs.
+//! Clients that speak Modbus TCP, or RTU over TCP, written from the specification and not from the gateway's codecs.
 //!
 //! [`Client::request`] does one transaction; [`Client::send`] and [`Client::receive`] keep several open. [`load`] has clients that
 //! ask again and again and note how long each response took; a [`session`] sends and receives independently.
@@ -6,10 +6,11 @@
 use embassy_time::{Duration, with_timeout};
 use embedded_io_async::{Read, Write};
 
+use crate::device;
 use crate::net::ClientStream;
 
 pub mod load;
-pub mod rtu;
+mod rtu;
 pub mod session;
 #[cfg(test)]
 mod tests;
@@ -71,6 +72,8 @@ pub enum NoResponse {
 pub struct Client {
     stream: ClientStream,
     patience: Duration,
+    /// It speaks RTU, whose frames bear no transaction id: they have 0.
+    is_rtu: bool,
     transaction: u16,
     received: Vec<u8>,
 }
@@ -104,7 +107,13 @@ pub(crate) fn take_frame(received: &mut Vec<u8>) -> Option<Reply> {
 impl Client {
     /// A client on `stream` that waits 10 s for a response.
     pub fn new(stream: ClientStream) -> Self {
-        Self { stream, patience: Duration::from_secs(10), transaction: 0, received: Vec::new() }
+        let patience = Duration::from_secs(10);
+        Self { stream, patience, is_rtu: false, transaction: 0, received: Vec::new() }
+    }
+
+    /// The same by RTU over TCP.
+    pub fn rtu(stream: ClientStream) -> Self {
+        Self { is_rtu: true, ..Self::new(stream) }
     }
 
     /// The client with another patience.
@@ -115,7 +124,14 @@ impl Client {
 
     /// Asks `unit` and waits for the response.
     pub async fn request(&mut self, unit: u8, pdu: &[u8]) -> Answer {
-        let Some(transaction) = self.send(unit, pdu).await else { return Answer::Closed };
+        match self.send(unit, pdu).await {
+            Some(transaction) => self.answer(transaction, unit, pdu).await,
+            None => Answer::Closed,
+        }
+    }
+
+    /// The response to a request for `unit` that was sent.
+    pub async fn answer(&mut self, transaction: u16, unit: u8, pdu: &[u8]) -> Answer {
         match self.receive().await {
             Ok(reply) if Self::fits(&reply, transaction, unit, pdu) => Answer::Pdu(reply.pdu),
             Ok(reply) => Answer::Wrong(reply),
@@ -132,8 +148,12 @@ impl Client {
 
     /// Sends a request without waiting for its response; its transaction id, or nothing when the connection has ended.
     pub async fn send(&mut self, unit: u8, pdu: &[u8]) -> Option<u16> {
-        self.transaction = self.transaction.wrapping_add(1);
-        let frame = frame(self.transaction, unit, pdu);
+        let frame = if self.is_rtu {
+            device::rtu::frame(unit, pdu)
+        } else {
+            self.transaction = self.transaction.wrapping_add(1);
+            frame(self.transaction, unit, pdu)
+        };
         self.send_bytes(&frame).await.then_some(self.transaction)
     }
 
@@ -149,8 +169,9 @@ impl Client {
     }
 
     async fn receive_patiently(&mut self) -> Result<Reply, NoResponse> {
+        let take = if self.is_rtu { rtu::take_frame } else { take_frame };
         loop {
-            if let Some(reply) = take_frame(&mut self.received) {
+            if let Some(reply) = take(&mut self.received) {
                 return Ok(reply);
             }
             let mut buffer = [0; FRAME_BYTES_MAX];

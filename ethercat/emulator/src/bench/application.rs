@@ -17,7 +17,22 @@ use ethercat_subdevice::sync_manager::Channel;
 
 use super::files::BenchFiles;
 
+/// Methods that only call the shared application's.
+macro_rules! pass_on {
+    ($(fn $name:ident(&mut $this:ident $(, $value:ident: $of:ty)*) $(-> $result:ty)?;)*) => {
+        $(fn $name(&mut $this $(, $value: $of)*) $(-> $result)? {
+            $this.0.borrow_mut().$name($($value),*)
+        })*
+    };
+    ($(fn $name:ident(&$this:ident $(, $value:ident: $of:ty)*) -> $result:ty;)*) => {
+        $(fn $name(&$this $(, $value: $of)*) -> $result {
+            $this.0.borrow().$name($($value),*)
+        })*
+    };
+}
+
 /// An application that a test can inspect while the SubDevice uses it.
+#[derive(Debug, Default)]
 pub struct Shared<A>(pub Rc<RefCell<A>>);
 
 impl<A> Shared<A> {
@@ -34,93 +49,37 @@ impl<A> Clone for Shared<A> {
 }
 
 impl<A: Application> Application for Shared<A> {
-    fn read(&mut self, at: Address, into: &mut [u8]) -> Result<usize, Abort> {
-        self.0.borrow_mut().read(at, into)
-    }
-
-    fn check(&mut self, at: Address, value: &[u8]) -> Result<(), Abort> {
-        self.0.borrow_mut().check(at, value)
-    }
-
-    fn write(&mut self, at: Address, value: &[u8]) {
-        self.0.borrow_mut().write(at, value);
-    }
-
-    fn written(&mut self) -> Option<Result<(), Abort>> {
-        self.0.borrow_mut().written()
-    }
-
-    fn shows(&mut self, indicators: Indicators) {
-        self.0.borrow_mut().shows(indicators);
-    }
-
-    fn sends_emergencies(&self) -> bool {
-        self.0.borrow().sends_emergencies()
-    }
-
-    fn emergency(&mut self) -> Option<Emergency> {
-        self.0.borrow_mut().emergency()
-    }
-
     fn files(&mut self) -> Option<&mut impl Files> {
         let has_files = self.0.borrow_mut().files().is_some();
         has_files.then_some(self)
     }
 
-    fn identification(&self) -> Option<u16> {
-        self.0.borrow().identification()
+    pass_on! {
+        fn proves_outputs(&self) -> bool;
+        fn sends_emergencies(&self) -> bool;
+        fn identification(&self) -> Option<u16>;
+        fn object(&self, index: u16) -> Option<Object>;
+        fn next_object(&self, index: u16) -> Option<u16>;
+        fn assignment(&self, channel: Channel) -> Option<Assignment>;
+        fn cycle_fixed_ns(&self) -> u32;
+        fn is_another_device(&self) -> bool;
     }
 
-    fn object(&self, index: u16) -> Option<Object> {
-        self.0.borrow().object(index)
-    }
-
-    fn next_object(&self, index: u16) -> Option<u16> {
-        self.0.borrow().next_object(index)
-    }
-
-    fn assignment(&self, channel: Channel) -> Option<Assignment> {
-        self.0.borrow().assignment(channel)
-    }
-
-    fn assigned(&mut self, channel: Channel, pdos: &[u16]) {
-        self.0.borrow_mut().assigned(channel, pdos);
-    }
-
-    fn outputs(&mut self, pdo: u16, bytes: &[u8]) {
-        self.0.borrow_mut().outputs(pdo, bytes);
-    }
-
-    fn inputs(&mut self, pdo: u16, into: &mut [u8]) {
-        self.0.borrow_mut().inputs(pdo, into);
-    }
-
-    fn outputs_stopped(&mut self) {
-        self.0.borrow_mut().outputs_stopped();
-    }
-
-    fn cycle_fixed_ns(&self) -> u32 {
-        self.0.borrow().cycle_fixed_ns()
-    }
-
-    fn is_another_device(&self) -> bool {
-        self.0.borrow().is_another_device()
-    }
-
-    fn failed(&mut self, fault: EscError) {
-        self.0.borrow_mut().failed(fault);
-    }
-
-    fn may_enter(&mut self, state: AlState) -> Result<(), AlStatusCode> {
-        self.0.borrow_mut().may_enter(state)
-    }
-
-    fn memory_full(&mut self, channel: Channel, bytes: u16, room: u16) {
-        self.0.borrow_mut().memory_full(channel, bytes, room);
-    }
-
-    fn entered(&mut self, state: AlState) {
-        self.0.borrow_mut().entered(state);
+    pass_on! {
+        fn read(&mut self, at: Address, into: &mut [u8]) -> Result<usize, Abort>;
+        fn check(&mut self, at: Address, value: &[u8]) -> Result<(), Abort>;
+        fn write(&mut self, at: Address, value: &[u8]);
+        fn written(&mut self) -> Option<Result<(), Abort>>;
+        fn shows(&mut self, indicators: Indicators);
+        fn emergency(&mut self) -> Option<Emergency>;
+        fn assigned(&mut self, channel: Channel, pdos: &[u16]);
+        fn outputs(&mut self, pdo: u16, bytes: &[u8]);
+        fn inputs(&mut self, pdo: u16, into: &mut [u8]);
+        fn outputs_stopped(&mut self);
+        fn failed(&mut self, fault: EscError);
+        fn may_enter(&mut self, state: AlState) -> Result<(), AlStatusCode>;
+        fn memory_full(&mut self, channel: Channel, bytes: u16, room: u16);
+        fn entered(&mut self, state: AlState);
     }
 }
 

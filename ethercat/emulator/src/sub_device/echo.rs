@@ -1,12 +1,11 @@
 //! Images that carry a number and reveal tearing, and an application that echoes them.
 
-use std::cell::RefCell;
-use std::rc::Rc;
-
 use ethercat_subdevice::application::{Address, Application};
 use ethercat_subdevice::coe::abort::Abort;
 
 use mobgate_world::random;
+
+use crate::bench::Shared;
 
 /// An image of at least eight `bytes` that carries `sequence`; none of its bytes fits another image.
 pub fn image(sequence: u64, bytes: usize) -> Vec<u8> {
@@ -44,10 +43,9 @@ pub struct Echo {
 }
 
 /// An [`Echo`] that a test can inspect.
-#[derive(Debug, Clone, Default)]
-pub struct SharedEcho(pub Rc<RefCell<Echo>>);
+pub type SharedEcho = Shared<Echo>;
 
-impl Application for SharedEcho {
+impl Application for Echo {
     fn read(&mut self, _at: Address, into: &mut [u8]) -> Result<usize, Abort> {
         Ok(into.len())
     }
@@ -55,35 +53,32 @@ impl Application for SharedEcho {
     fn write(&mut self, _at: Address, _value: &[u8]) {}
 
     fn proves_outputs(&self) -> bool {
-        self.0.borrow().proves
+        self.proves
     }
 
     fn outputs(&mut self, _pdo: u16, bytes: &[u8]) {
-        let mut echo = self.0.borrow_mut();
-        echo.images += 1;
+        self.images += 1;
         let Some(number) = sequence(bytes) else {
-            echo.torn += 1;
+            self.torn += 1;
             return;
         };
-        match echo.last {
-            Some(last) if number < last => echo.old += 1,
-            Some(last) if number == last => echo.again += 1,
-            Some(last) => echo.lost += number - last - 1,
+        match self.last {
+            Some(last) if number < last => self.old += 1,
+            Some(last) if number == last => self.again += 1,
+            Some(last) => self.lost += number - last - 1,
             None => {}
         }
-        echo.last = Some(number);
-        echo.valid = true;
+        self.last = Some(number);
+        self.valid = true;
     }
 
     fn inputs(&mut self, _pdo: u16, into: &mut [u8]) {
-        let echo = self.0.borrow();
-        into.copy_from_slice(&image(echo.last.unwrap_or(0), into.len()));
+        into.copy_from_slice(&image(self.last.unwrap_or(0), into.len()));
     }
 
     fn outputs_stopped(&mut self) {
-        let mut echo = self.0.borrow_mut();
-        echo.stops += 1;
-        echo.valid = false;
+        self.stops += 1;
+        self.valid = false;
     }
 }
 

@@ -8,18 +8,13 @@ use ethercat_subdevice::esc::Esc;
 
 use ethercat_esc::samples::{INPUTS, OUTPUTS, ready};
 
-const FRAMES: u32 = 100_000;
+use crate::{processor_reads, set_up};
 
-fn processor_reads(segment: &Segment, address: u16, bytes: usize) -> Vec<u8> {
-    let mut into = vec![0; bytes];
-    segment.chip(0).borrow_mut().read(0, address, &mut into);
-    into
-}
+const FRAMES: u32 = 100_000;
 
 #[test]
 fn the_consumer_gets_the_latest_of_what_was_written_and_the_same_again() {
-    let _world = World::new(1);
-    let mut segment = ready();
+    let (_world, mut segment) = set_up();
     for image in 1..=5 {
         assert_eq!(segment.poke(0, OUTPUTS, &[image; 120]), 1, "never refused");
     }
@@ -29,8 +24,7 @@ fn the_consumer_gets_the_latest_of_what_was_written_and_the_same_again() {
 
 #[test]
 fn what_is_being_read_stays_while_new_images_come() {
-    let _world = World::new(1);
-    let mut segment = ready();
+    let (_world, mut segment) = set_up();
     segment.poke(0, OUTPUTS, &[1; 120]);
     assert_eq!(processor_reads(&segment, OUTPUTS, 60), [1; 60]);
     for image in 2..=9 {
@@ -42,8 +36,7 @@ fn what_is_being_read_stays_while_new_images_come() {
 
 #[test]
 fn nothing_can_be_read_before_something_was_written() {
-    let _world = World::new(1);
-    let mut segment = ready();
+    let (_world, mut segment) = set_up();
     assert_eq!(segment.fetch(0, INPUTS, 120), None);
     assert_eq!(segment.fetch(0, 0x081D, 1).unwrap()[0] & 0x30, 0x30);
     segment.chip(0).borrow_mut().write(0, INPUTS, &[1; 120]);
@@ -52,8 +45,7 @@ fn nothing_can_be_read_before_something_was_written() {
 
 #[test]
 fn statement_43_inputs_that_nobody_renews_stay_readable() {
-    let mut world = World::new(1);
-    let mut segment = ready();
+    let (mut world, mut segment) = set_up();
     segment.chip(0).borrow_mut().write(0, INPUTS, &[1; 120]);
     for _ in 0..10 {
         world.run_for(Duration::from_secs(1));
@@ -63,8 +55,7 @@ fn statement_43_inputs_that_nobody_renews_stay_readable() {
 
 #[test]
 fn the_second_and_third_buffer_are_nobodys() {
-    let _world = World::new(1);
-    let mut segment = ready();
+    let (_world, mut segment) = set_up();
     assert_eq!(segment.poke(0, OUTPUTS + 120, &[1]), 0);
     assert_eq!(segment.poke(0, OUTPUTS + 359, &[1]), 0);
     assert_eq!(segment.poke(0, OUTPUTS + 360, &[1]), 1);
@@ -72,8 +63,7 @@ fn the_second_and_third_buffer_are_nobodys() {
 
 #[test]
 fn events_tell_of_new_outputs_and_of_fetched_inputs() {
-    let _world = World::new(1);
-    let mut segment = ready();
+    let (_world, mut segment) = set_up();
     let events = |segment: &Segment| processor_reads(segment, 0x0221, 1)[0];
     segment.poke(0, OUTPUTS, &[1; 120]);
     assert_eq!(events(&segment), 0b0100);
@@ -86,8 +76,7 @@ fn events_tell_of_new_outputs_and_of_fetched_inputs() {
 
 #[test]
 fn the_interrupt_field_of_a_frame_tells_masked_events() {
-    let _world = World::new(1);
-    let mut segment = ready();
+    let (_world, mut segment) = set_up();
     segment.poke(0, 0x0200, &[0x08, 0x00]);
     assert_eq!(segment.send(Command::Brd, 0, 0, &[0]).interrupts, 0);
     segment.chip(0).borrow_mut().write(0, 0x0130, &[2, 0]);

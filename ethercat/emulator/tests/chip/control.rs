@@ -1,32 +1,25 @@
 //! AL control as a mailbox, and the process data watchdog.
 
 use embassy_time::{Duration, Timer};
-use ethercat_esc::World;
 use ethercat_esc::{Command, DirectPdi, Interrupt, Segment, now};
 use ethercat_subdevice::esc::Esc;
 
 use embedded_hal_async::digital::Wait;
 
-use ethercat_esc::samples::{OUTPUTS, line, ready};
+use ethercat_esc::samples::OUTPUTS;
 
-fn processor_reads(segment: &Segment, address: u16, bytes: usize) -> Vec<u8> {
-    let mut into = vec![0; bytes];
-    segment.chip(0).borrow_mut().read(now(), address, &mut into);
-    into
-}
+use crate::{in_line, processor_reads, set_up};
 
 #[test]
 fn statement_01_after_power_on_the_state_is_init_without_the_processors_help() {
-    let _world = World::new(1);
-    let mut segment = line(1);
+    let (_world, mut segment) = in_line(1);
     assert_eq!(segment.fetch(0, 0x0130, 6).unwrap(), [1, 0, 0, 0, 0, 0]);
     assert_eq!(segment.fetch(0, 0x0110, 2).unwrap(), [0x13, 0x56], "configured, PDI alive, one link");
 }
 
 #[test]
 fn statement_19_a_second_request_is_refused_until_the_first_was_read() {
-    let _world = World::new(1);
-    let mut segment = line(1);
+    let (_world, mut segment) = in_line(1);
     assert_eq!(segment.poke(0, 0x0120, &[0x02, 0x00]), 1);
     assert_eq!(processor_reads(&segment, 0x0220, 1)[0] & 1, 1);
     assert_eq!(segment.poke(0, 0x0120, &[0x11, 0x00]), 0);
@@ -37,8 +30,7 @@ fn statement_19_a_second_request_is_refused_until_the_first_was_read() {
 
 #[test]
 fn the_interrupt_line_follows_the_masked_events() {
-    let mut world = World::new(1);
-    let mut segment = line(1);
+    let (mut world, mut segment) = in_line(1);
     let mut pdi = DirectPdi::new(segment.chip(0));
     let mut line = Interrupt::new(segment.chip(0));
     let woken = world.spawn(async move {
@@ -60,8 +52,7 @@ fn the_interrupt_line_follows_the_masked_events() {
 
 /// Outputs every millisecond, and how the watchdog fares.
 fn watchdog_after(quiet: Duration, prepare: impl FnOnce(&mut Segment)) -> (u8, u8, u8) {
-    let mut world = World::new(1);
-    let mut segment = ready();
+    let (mut world, mut segment) = set_up();
     prepare(&mut segment);
     world.run_until(async {
         for _ in 0..200 {
@@ -94,8 +85,7 @@ fn statement_14_a_watchdog_of_zero_never_expires_and_the_divider_is_honoured() {
 
 #[test]
 fn statement_44_only_complete_writes_feed_the_watchdog() {
-    let mut world = World::new(1);
-    let mut segment = ready();
+    let (mut world, mut segment) = set_up();
     world.run_until(async {
         segment.poke(0, OUTPUTS, &[1; 120]);
         for _ in 0..110 {
@@ -113,8 +103,7 @@ fn statement_44_only_complete_writes_feed_the_watchdog() {
 
 #[test]
 fn both_sides_can_reset_the_chip() {
-    let _world = World::new(1);
-    let mut segment = ready();
+    let (_world, mut segment) = set_up();
     for byte in *b"RES" {
         assert_eq!(segment.poke(0, 0x0040, &[byte]), 1);
     }

@@ -5,7 +5,9 @@ use ethercat_esc::World;
 use ethercat_esc::eeprom::Eeprom;
 use ethercat_esc::{Chip, Kind, Segment};
 
-use ethercat_esc::samples::{eeprom, line};
+use ethercat_esc::samples::eeprom;
+
+use crate::in_line;
 
 fn command(segment: &mut Segment, command: u16, word: u32) -> u16 {
     segment.poke(0, 0x0502, &[&command.to_le_bytes()[..], &word.to_le_bytes()].concat())
@@ -37,8 +39,7 @@ fn a_read_gives_eight_or_four_bytes_as_the_chip_says() {
 
 #[test]
 fn a_command_takes_its_time_in_which_nothing_else_is_accepted() {
-    let mut world = World::new(1);
-    let mut segment = line(1);
+    let (mut world, mut segment) = in_line(1);
     segment.chip(0).borrow_mut().eeprom.busy_nanos = 1_000_000;
     world.run_until(async {
         assert_eq!(command(&mut segment, 0x0100, 0), 1);
@@ -52,8 +53,7 @@ fn a_command_takes_its_time_in_which_nothing_else_is_accepted() {
 
 #[test]
 fn statement_49_an_alias_that_the_main_device_writes_counts_from_the_next_power_cycle_on() {
-    let _world = World::new(1);
-    let mut segment = line(1);
+    let (_world, mut segment) = in_line(1);
     let mut config = eeprom(0x1234);
     assert_eq!(segment.poke(0, 0x0508, &[0x34, 0x12]), 1);
     assert_eq!(command(&mut segment, 0x0201, 4), 1);
@@ -77,8 +77,7 @@ fn statement_49_an_alias_that_the_main_device_writes_counts_from_the_next_power_
 
 #[test]
 fn a_write_needs_its_enable_bit() {
-    let _world = World::new(1);
-    let mut segment = line(1);
+    let (_world, mut segment) = in_line(1);
     command(&mut segment, 0x0200, 4);
     assert_eq!(status(&mut segment) & 0x4000, 0x4000);
     command(&mut segment, 0x0000, 0);
@@ -87,8 +86,7 @@ fn a_write_needs_its_enable_bit() {
 
 #[test]
 fn statement_50_an_eeprom_that_was_handed_to_the_processor_gives_the_main_device_no_data() {
-    let _world = World::new(1);
-    let mut segment = line(1);
+    let (_world, mut segment) = in_line(1);
     let chip = segment.chip(0);
     chip.borrow_mut().write(0, 0x0501, &[1]);
     assert_eq!(command(&mut segment, 0x0100, 0), 1, "it must be handed over first");

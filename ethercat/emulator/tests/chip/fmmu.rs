@@ -1,9 +1,8 @@
 //! FMMUs: from a logical address to memory, whole bytes and single bits.
 
 use ethercat_esc::Command;
-use ethercat_esc::World;
 
-use ethercat_esc::samples::{line, ready};
+use crate::{in_line, set_up};
 
 /// Registers of an FMMU that writes.
 fn window(logical: u32, bytes: u16, bits: (u8, u8), physical: u16, bit: u8) -> Vec<u8> {
@@ -16,8 +15,7 @@ fn window(logical: u32, bytes: u16, bits: (u8, u8), physical: u16, bit: u8) -> V
 
 #[test]
 fn the_textbooks_window_moves_fourteen_bits() {
-    let _world = World::new(1);
-    let mut segment = line(1);
+    let (_world, mut segment) = in_line(1);
     segment.poke(0, 0x0600, &window(0x0001_0011, 3, (3, 0), 0x0F01, 1));
     // Bits 3 to 7 of the first byte, the second, bit 0 of the third: to bit 1 of 0F01h and on.
     let sent = [0b1011_0000, 0b1100_1010, 0b0000_0001];
@@ -28,8 +26,7 @@ fn the_textbooks_window_moves_fourteen_bits() {
 
 #[test]
 fn bits_outside_of_the_window_keep_their_values() {
-    let _world = World::new(1);
-    let mut segment = line(1);
+    let (_world, mut segment) = in_line(1);
     segment.poke(0, 0x0F00, &[0xFF; 4]);
     segment.poke(0, 0x0600, &window(0x0001_0011, 2, (3, 0), 0x0F01, 1));
     segment.send_logical(Command::Lwr, 0x0001_0011, &[0, 0]);
@@ -44,8 +41,7 @@ fn bits_outside_of_the_window_keep_their_values() {
 
 #[test]
 fn a_datagram_that_reaches_part_of_a_window_moves_that_part() {
-    let _world = World::new(1);
-    let mut segment = line(1);
+    let (_world, mut segment) = in_line(1);
     segment.poke(0, 0x0600, &window(0x100, 4, (0, 7), 0x0F80, 0));
     assert_eq!(segment.send_logical(Command::Lwr, 0x102, &[1, 2, 3, 4]).counter, 1);
     assert_eq!(segment.fetch(0, 0x0F80, 4).unwrap(), [0, 0, 1, 2]);
@@ -55,8 +51,7 @@ fn a_datagram_that_reaches_part_of_a_window_moves_that_part() {
 
 #[test]
 fn an_inactive_window_and_one_of_the_other_direction_move_nothing() {
-    let _world = World::new(1);
-    let mut segment = line(1);
+    let (_world, mut segment) = in_line(1);
     let mut registers = window(0, 1, (0, 7), 0x0F80, 0);
     segment.poke(0, 0x0600, &registers);
     assert_eq!(segment.send_logical(Command::Lrd, 0, &[0]).counter, 0, "it writes only");
@@ -67,8 +62,7 @@ fn an_inactive_window_and_one_of_the_other_direction_move_nothing() {
 
 #[test]
 fn a_mailboxs_status_can_be_mapped_behind_the_process_data() {
-    let _world = World::new(1);
-    let mut segment = ready();
+    let (_world, mut segment) = set_up();
     let chip = segment.chip(0);
     chip.borrow_mut().write(0, 0x1400, &[0; 120]);
     let status = |segment: &mut ethercat_esc::Segment| {
@@ -83,8 +77,7 @@ fn a_mailboxs_status_can_be_mapped_behind_the_process_data() {
 
 #[test]
 fn logical_access_goes_through_the_sync_manager() {
-    let _world = World::new(1);
-    let mut segment = ready();
+    let (_world, mut segment) = set_up();
     assert_eq!(segment.send_logical(Command::Lrd, 120, &[0; 120]).counter, 0, "no inputs yet");
     assert_eq!(segment.send_logical(Command::Lwr, 0, &[1; 119]).counter, 1);
     assert_eq!(segment.fetch(0, 0x0815, 1).unwrap()[0] & 1, 0, "not complete");

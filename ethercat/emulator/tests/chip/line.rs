@@ -2,12 +2,11 @@
 
 use embassy_time::Timer;
 use embedded_hal_async::digital::Wait;
-use ethercat_esc::World;
 use ethercat_esc::frame::Builder;
 use ethercat_esc::{Command, DirectPdi, Fate, Interrupt, Segment, now};
 use ethercat_subdevice::esc::Esc;
 
-use ethercat_esc::samples::line;
+use crate::in_line;
 
 const USER: u16 = 0x0F80;
 
@@ -17,15 +16,13 @@ fn link(segment: &mut Segment, nth: u16) -> u16 {
 
 #[test]
 fn each_chip_tells_which_ports_have_a_neighbour() {
-    let _world = World::new(1);
-    let mut segment = line(3);
+    let (_world, mut segment) = in_line(3);
     assert_eq!([0, 1, 2].map(|nth| link(&mut segment, nth)), [0x5A31, 0x5A31, 0x5611]);
 }
 
 #[test]
 fn a_lost_frame_has_reached_those_before_the_break() {
-    let _world = World::new(1);
-    let mut segment = line(3);
+    let (_world, mut segment) = in_line(3);
     let mut frame = Builder::default().device(Command::Bwr, 0, USER, &[9]).build();
     assert!(!segment.pass(0, &mut frame, Fate::Lost(2)));
     assert_eq!([0, 1, 2].map(|nth| segment.fetch(nth, USER, 1).unwrap()[0]), [9, 9, 0]);
@@ -33,8 +30,7 @@ fn a_lost_frame_has_reached_those_before_the_break() {
 
 #[test]
 fn a_damaged_frame_is_believed_by_those_before_the_fault_only() {
-    let _world = World::new(1);
-    let mut segment = line(3);
+    let (_world, mut segment) = in_line(3);
     let mut frame = Builder::default().device(Command::Bwr, 0, USER, &[9]).build();
     assert!(!segment.pass(0, &mut frame, Fate::Damaged(1)));
     assert_eq!([0, 1, 2].map(|nth| segment.fetch(nth, USER, 1).unwrap()[0]), [9, 0, 0]);
@@ -45,8 +41,7 @@ fn a_damaged_frame_is_believed_by_those_before_the_fault_only() {
 
 #[test]
 fn aliases_address_devices_when_that_is_switched_on() {
-    let _world = World::new(1);
-    let mut segment = line(3);
+    let (_world, mut segment) = in_line(3);
     let alias = 0x0A01;
     assert_eq!(segment.send(Command::Fprd, alias, 0x0010, &[0; 2]).counter, 0);
     assert_eq!(segment.poke(1, 0x0103, &[1]), 1);
@@ -55,8 +50,7 @@ fn aliases_address_devices_when_that_is_switched_on() {
 
 #[test]
 fn the_receive_times_of_the_ports_tell_the_length_of_the_line() {
-    let mut world = World::new(1);
-    let mut segment = line(3);
+    let (mut world, mut segment) = in_line(3);
     world.run_until(Timer::after_millis(1));
     assert_eq!(segment.send(Command::Bwr, 0, 0x0900, &[0; 4]).counter, 3);
     let mut times = |nth| {
@@ -73,8 +67,7 @@ fn the_receive_times_of_the_ports_tell_the_length_of_the_line() {
 
 #[test]
 fn clocks_are_brought_together_by_the_references_time() {
-    let mut world = World::new(1);
-    let mut segment = line(2);
+    let (mut world, mut segment) = in_line(2);
     segment.chip(1).borrow_mut().set_clock(1_000_000, 50);
     let difference = world.run_until(async {
         for _ in 0..100 {
@@ -90,8 +83,7 @@ fn clocks_are_brought_together_by_the_references_time() {
 
 #[test]
 fn sync0_comes_from_its_start_time_on_in_its_cycle() {
-    let mut world = World::new(1);
-    let mut segment = line(1);
+    let (mut world, mut segment) = in_line(1);
     let pulses = |segment: &Segment| {
         segment.chip(0).borrow_mut().advance(now());
         segment.chip(0).borrow().sync0_pulses()
@@ -118,8 +110,7 @@ fn sync0_comes_from_its_start_time_on_in_its_cycle() {
 
 #[test]
 fn sync0_asks_for_the_processor_without_jitter_until_it_is_acknowledged() {
-    let mut world = World::new(1);
-    let mut segment = line(1);
+    let (mut world, mut segment) = in_line(1);
     segment.poke(0, 0x0990, &500_000u64.to_le_bytes());
     segment.poke(0, 0x09A0, &250_000u32.to_le_bytes());
     segment.poke(0, 0x0981, &[3]);
@@ -140,8 +131,7 @@ fn sync0_asks_for_the_processor_without_jitter_until_it_is_acknowledged() {
 
 #[test]
 fn a_cut_ring_is_reached_from_both_ends() {
-    let _world = World::new(1);
-    let mut segment = line(4);
+    let (_world, mut segment) = in_line(4);
     segment.close_ring();
     assert_eq!(link(&mut segment, 3), 0x5A31);
     let read = || Builder::default().device(Command::Brd, 0, 0x0000, &[0]).build();

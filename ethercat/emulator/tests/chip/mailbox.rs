@@ -5,16 +5,12 @@ use ethercat_esc::{Command, Fate, Segment, frame::Builder};
 
 use ethercat_esc::samples::{IN_BOX, OUT_BOX, ready};
 
+use crate::{processor_reads, set_up};
+
 const FULL: u8 = 1 << 3;
 
 fn status(segment: &mut Segment, manager: u16) -> u8 {
     segment.fetch(0, 0x0805 + 8 * manager, 1).unwrap()[0]
-}
-
-fn processor_reads(segment: &Segment, address: u16, bytes: usize) -> Vec<u8> {
-    let mut into = vec![0; bytes];
-    segment.chip(0).borrow_mut().read(0, address, &mut into);
-    into
 }
 
 fn processor_writes(segment: &Segment, address: u16, bytes: &[u8]) {
@@ -27,8 +23,7 @@ fn events(segment: &Segment) -> u32 {
 
 #[test]
 fn a_mailbox_is_written_once_and_again_after_it_was_read() {
-    let _world = World::new(1);
-    let mut segment = ready();
+    let (_world, mut segment) = set_up();
     assert_eq!(segment.poke(0, OUT_BOX, &[1; 128]), 1);
     assert_eq!(status(&mut segment, 0) & FULL, FULL);
     assert_eq!(segment.poke(0, OUT_BOX, &[2; 128]), 0, "full");
@@ -39,8 +34,7 @@ fn a_mailbox_is_written_once_and_again_after_it_was_read() {
 
 #[test]
 fn an_empty_mailbox_gives_nothing_and_a_full_one_gives_once() {
-    let _world = World::new(1);
-    let mut segment = ready();
+    let (_world, mut segment) = set_up();
     assert_eq!(segment.fetch(0, IN_BOX, 128), None);
     processor_writes(&segment, IN_BOX, &[5; 128]);
     assert_eq!(segment.fetch(0, IN_BOX, 128), Some(vec![5; 128]));
@@ -49,8 +43,7 @@ fn an_empty_mailbox_gives_nothing_and_a_full_one_gives_once() {
 
 #[test]
 fn a_mailbox_that_was_not_written_to_its_last_byte_stays_open() {
-    let _world = World::new(1);
-    let mut segment = ready();
+    let (_world, mut segment) = set_up();
     assert_eq!(segment.poke(0, OUT_BOX, &[1; 127]), 1);
     assert_eq!(status(&mut segment, 0) & FULL, 0);
     assert_eq!(events(&segment) & 0x100, 0);
@@ -61,8 +54,7 @@ fn a_mailbox_that_was_not_written_to_its_last_byte_stays_open() {
 
 #[test]
 fn an_access_begins_with_the_first_byte() {
-    let _world = World::new(1);
-    let mut segment = ready();
+    let (_world, mut segment) = set_up();
     assert_eq!(segment.poke(0, OUT_BOX + 1, &[1; 127]), 0);
     processor_writes(&segment, IN_BOX + 127, &[5]);
     assert_eq!(status(&mut segment, 1) & FULL, 0);
@@ -70,8 +62,7 @@ fn an_access_begins_with_the_first_byte() {
 
 #[test]
 fn the_processor_may_skip_what_a_short_message_does_not_need() {
-    let _world = World::new(1);
-    let mut segment = ready();
+    let (_world, mut segment) = set_up();
     processor_writes(&segment, IN_BOX, &[5; 16]);
     assert_eq!(status(&mut segment, 1) & FULL, 0);
     processor_writes(&segment, IN_BOX + 127, &[0]);
@@ -85,8 +76,7 @@ fn the_processor_may_skip_what_a_short_message_does_not_need() {
 
 #[test]
 fn the_wrong_direction_is_refused_to_both_sides() {
-    let _world = World::new(1);
-    let mut segment = ready();
+    let (_world, mut segment) = set_up();
     assert_eq!(segment.poke(0, IN_BOX, &[1; 128]), 0);
     segment.poke(0, OUT_BOX, &[1; 128]);
     assert_eq!(segment.fetch(0, OUT_BOX, 128), None);
@@ -96,8 +86,7 @@ fn the_wrong_direction_is_refused_to_both_sides() {
 
 #[test]
 fn each_event_ends_with_the_other_sides_first_byte() {
-    let _world = World::new(1);
-    let mut segment = ready();
+    let (_world, mut segment) = set_up();
     segment.poke(0, OUT_BOX, &[1; 128]);
     assert_eq!(events(&segment) & 0x300, 0x100, "a message has come");
     processor_reads(&segment, OUT_BOX, 1);
@@ -111,8 +100,7 @@ fn each_event_ends_with_the_other_sides_first_byte() {
 
 #[test]
 fn a_damaged_frame_neither_fills_nor_empties_a_mailbox() {
-    let _world = World::new(1);
-    let mut segment = ready();
+    let (_world, mut segment) = set_up();
     let mut frame = Builder::default().device(Command::Apwr, 0, OUT_BOX, &[1; 128]).build();
     assert!(!segment.pass(0, &mut frame, Fate::Damaged(0)));
     assert_eq!(status(&mut segment, 0) & FULL, 0);
@@ -125,8 +113,7 @@ fn a_damaged_frame_neither_fills_nor_empties_a_mailbox() {
 
 #[test]
 fn an_answer_that_is_lost_on_the_way_back_is_gone_until_it_is_repeated() {
-    let _world = World::new(1);
-    let mut segment = ready();
+    let (_world, mut segment) = set_up();
     processor_writes(&segment, IN_BOX, &[5; 128]);
     let mut frame = Builder::default().device(Command::Aprd, 0, IN_BOX, &[0; 128]).build();
     assert!(!segment.pass(0, &mut frame, Fate::Lost(1)));
@@ -150,8 +137,7 @@ fn an_answer_that_is_lost_on_the_way_back_is_gone_until_it_is_repeated() {
 
 #[test]
 fn a_mailbox_that_the_processor_switches_off_is_so_at_the_end_of_a_frame_that_is_under_way() {
-    let _world = World::new(1);
-    let mut segment = ready();
+    let (_world, mut segment) = set_up();
     processor_writes(&segment, IN_BOX, &[5; 128]);
     // A frame of 60 bytes, with preamble and check sequence, takes 5.76 us.
     assert_eq!(segment.poke(0, 0x0F80, &[1]), 1);
@@ -195,8 +181,7 @@ fn a_mailbox_that_either_side_switches_off_is_empty_and_closed_to_the_master_if_
 
 #[test]
 fn the_place_of_a_buffer_is_fixed_while_it_is_active() {
-    let _world = World::new(1);
-    let mut segment = ready();
+    let (_world, mut segment) = set_up();
     assert_eq!(segment.poke(0, 0x0800, &[0x00, 0x18]), 0);
     // A whole block can be written over: only its activation changes.
     assert_eq!(segment.poke(0, 0x0800, &[0; 8]), 1);

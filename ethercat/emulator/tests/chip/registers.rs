@@ -5,10 +5,11 @@ use ethercat_esc::{Command, Segment};
 
 use ethercat_esc::samples::line;
 
+use crate::in_line;
+
 #[test]
 fn blocks_may_cross_read_only_and_missing_registers() {
-    let _world = World::new(1);
-    let mut segment = line(1);
+    let (_world, mut segment) = in_line(1);
     let mut broadcast = |offset, bytes: usize| segment.send(Command::Bwr, 0, offset, &vec![0; bytes]).counter;
     assert_eq!(broadcast(0x0600, 256), 1, "sixteen FMMUs, of which there are three");
     assert_eq!(broadcast(0x0800, 128), 1, "sixteen SyncManagers, of which there are four");
@@ -20,16 +21,14 @@ fn blocks_may_cross_read_only_and_missing_registers() {
 
 #[test]
 fn a_block_that_begins_with_a_read_only_byte_is_written_where_it_can_be() {
-    let _world = World::new(1);
-    let mut segment = line(1);
+    let (_world, mut segment) = in_line(1);
     assert_eq!(segment.poke(0, 0x080D, &[0xFF, 0x03]), 1);
     assert_eq!(segment.fetch(0, 0x080D, 2).unwrap(), [0x30, 0x03]);
 }
 
 #[test]
 fn memory_ends_where_the_chip_says() {
-    let _world = World::new(1);
-    let mut segment = line(1);
+    let (_world, mut segment) = in_line(1);
     assert_eq!(segment.poke(0, 0x1FFF, &[1, 2]), 1);
     assert_eq!(segment.fetch(0, 0x1FFF, 1), Some(vec![1]));
     assert_eq!(segment.fetch(0, 0x2000, 1), None);
@@ -45,8 +44,7 @@ fn the_chip_tells_what_it_is() {
 
 #[test]
 fn counters_stop_at_their_end_and_are_cleared_by_a_write() {
-    let _world = World::new(1);
-    let mut segment = line(1);
+    let (_world, mut segment) = in_line(1);
     for _ in 0..300 {
         segment.chip(0).borrow_mut().write(0, 0x3000, &[0]);
     }

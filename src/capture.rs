@@ -297,7 +297,7 @@ impl From<StreamFraming> for FrameKind {
     fn from(framing: StreamFraming) -> Self {
         match framing {
             StreamFraming::Rtu => Self::Rtu,
-            StreamFraming::Mbap | StreamFraming::Capture => Self::Tcp,
+            StreamFraming::Mbap | StreamFraming::Capture | StreamFraming::Ssh => Self::Tcp,
         }
     }
 }

@@ -2,11 +2,14 @@
 //!
 //! In [`Mode::Echo`] bytes go through the line editor, which echoes them; in [`Mode::Plain`] they are lines of text,
 //! answered without prompt or echo, with line numbers in errors; [`Mode::Network`] also rejects other protocols by the first line,
-//! and asks who it is.
+//! and asks who it is; with [`Mode::User`] somebody else has asked.
 //! A line is run as a command; one of the settings' language changes the gateway's draft of the settings, which is then applied.
 //!
 //! Only this file awaits, and what it calls of `log_in` and `update`. Commands are plain steps: each writes a piece of text and returns what must happen before the next one.
 
+// Only the web interface uses it.
+#[cfg(feature = "web")]
+pub(crate) mod access;
 mod ask;
 mod asks;
 // Without users there is no audit trail.
@@ -19,7 +22,7 @@ mod command;
 mod complete;
 // Without a candidate there is nothing to compare.
 #[cfg(feature = "candidate")]
-mod diff;
+pub(crate) mod diff;
 mod editor;
 mod frames;
 mod guard;
@@ -52,6 +55,7 @@ mod table;
 mod tests;
 mod tune;
 mod update;
+mod users;
 mod wait;
 
 use core::future::pending;
@@ -84,7 +88,7 @@ pub async fn run<IO: Read + Write, S: Store, U: Update, Y: System>(
     store: &mut S,
     update: &mut U,
     system: &Y,
-    mode: Mode,
+    mode: Mode<'_>,
 ) -> Result<Ended, IO::Error> {
     let mut shell = Shell::new(gateway, system, mode);
     let mut wait = shell.start();
@@ -168,12 +172,12 @@ async fn work<S: Store, Y: System>(
             }
         }
         Wait::Change => {
-            let changed =
-                reconfigure::change(session.gateway, input.line(), &|| session.audit_line(input.line()))
-                    .await;
+            let ahead = |new: &_| session.ahead(new).inspect(|()| session.audit_line(input.line()));
+            let changed = reconfigure::change(session.gateway, input.line(), &ahead).await;
             session.changed(changed);
         }
         Wait::Save { whatever } => {
+            store.sign(&session.actor());
             let saved = reconfigure::save(session.gateway, store, whatever).await;
             session.saved(saved);
         }
@@ -182,9 +186,13 @@ async fn work<S: Store, Y: System>(
         Wait::Commit { confirmed } => session.commit(store, confirmed).await,
         #[cfg(feature = "candidate")]
         Wait::RollBack => session.roll_back().await,
+        #[cfg(feature = "candidate")]
+        Wait::BringBack { nth } => session.bring_back(store, nth).await,
+        #[cfg(feature = "candidate")]
+        Wait::Version { nth } => return session.version(store, nth),
         Wait::Load => {
-            let loaded =
-                reconfigure::load(session.gateway, store, &|new| session.audit_difference(new)).await;
+            let ahead = |new: &_| session.ahead(new).inspect(|()| session.audit_difference(new));
+            let loaded = reconfigure::load(session.gateway, store, &ahead).await;
             session.loaded(loaded);
         }
         // Without users nobody waits for these; a constant would leave their code in the future.

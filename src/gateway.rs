@@ -31,7 +31,14 @@ mod check;
 #[cfg(feature = "candidate")]
 pub(crate) mod commit;
 mod connection;
+// As the candidate.
+#[cfg_attr(not(feature = "candidate"), path = "gateway/no_cut_off.rs")]
+pub(crate) mod cut_off;
+// Without a candidate and an audit trail nobody asks.
+#[cfg_attr(not(feature = "users"), allow(dead_code))]
+pub(crate) mod difference;
 pub(crate) mod direct_request;
+pub(crate) mod enter;
 mod ethercat;
 pub(crate) mod events;
 mod keep_settings;
@@ -52,12 +59,16 @@ mod take_firmware;
 pub(crate) mod turns;
 #[doc(hidden)] // Public for tests/ only.
 pub mod unit_health;
+// Most images have none.
+#[cfg(feature = "web")]
+pub(crate) mod web;
 
 use self::audit::state::Audit;
 pub use self::candidate::Candidate;
 pub use self::check::ApplyError;
 pub use self::connection::{Connection, ConnectionState};
 use self::direct_request::DirectRequestState;
+pub use self::enter::Credential;
 use self::events::Events;
 use self::log_in::Attempts;
 use self::port_state::ServerState;
@@ -66,6 +77,9 @@ use self::shared::{Draft, Shared};
 use self::socket::Socket;
 use self::turns::Turns;
 use self::unit_health::AllUnits;
+// As above.
+#[cfg(feature = "web")]
+use self::web::Web;
 
 /// The state that all tasks share.
 pub struct Gateway<'g> {
@@ -101,6 +115,9 @@ pub struct Gateway<'g> {
     attempts: Shared<Attempts>,
     /// The audit trail, where there are users.
     audit: [Audit; USERS as usize],
+    // As its module.
+    #[cfg(feature = "web")]
+    pub(crate) web: Web,
     scanner: Option<&'g ScannerState>,
     capture: Option<&'g Capture>,
     ethercat: Option<&'g EthercatState>,
@@ -139,6 +156,9 @@ impl<'g> Gateway<'g> {
             events: Mutex::new(RefCell::new(Events::new())),
             attempts: Mutex::new(RefCell::new(Attempts::new())),
             audit: [const { Audit::new() }; USERS as usize],
+            // As above.
+            #[cfg(feature = "web")]
+            web: Web::new(),
             scanner: None,
             capture: None,
             ethercat: None,

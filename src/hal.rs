@@ -9,7 +9,7 @@ use core::net::{IpAddr, SocketAddr};
 use embassy_time::{Duration, Instant};
 use embedded_io_async::{Read, Write};
 
-use crate::settings::{LineSettings, PasswordHash, ServerAddress, StaticAddress, TcpListen};
+use crate::settings::{LineSettings, PasswordHash, PortId, ServerAddress, StaticAddress, TcpListen};
 
 mod relay;
 mod update;
@@ -212,6 +212,10 @@ pub trait TcpConnect {
 pub trait TcpStream: Read + Write {
     /// Closes the connection gracefully, within a bounded time.
     async fn close(self);
+
+    /// Serves the console by SSH, at a port of the settings, until the connection ends, and calls `logged_in` once somebody has logged
+    /// in. Dropping the future ends the connection. Boards without SSH end it at once.
+    async fn serve_ssh(&mut self, _port: PortId, _peer: SocketAddr, _logged_in: &dyn Fn()) {}
 }
 
 /// Opens UDP sockets; every port task owns one.
@@ -254,6 +258,25 @@ pub trait Store {
 
     /// Sets whether the next version replaces the stored text even if others have changed it.
     fn overwrite(&mut self, _whatever: bool) {}
+
+    /// Says who makes the next version.
+    fn sign(&mut self, _who: &dyn fmt::Display) {}
+
+    /// Writes what is known of the `nth` of the versions that were saved, from 0, the last one: when, how many lines it added and took
+    /// away, and who, with tabs between. `None` if no such one is kept.
+    fn write_version(&mut self, _nth: usize, _out: &mut dyn fmt::Write) -> Option<fmt::Result> {
+        None
+    }
+
+    /// [`read`](Store::read) of the `nth` of these versions.
+    async fn read_version(
+        &mut self,
+        _nth: usize,
+        _offset: usize,
+        _into: &mut [u8],
+    ) -> Result<usize, StoreError> {
+        Ok(0)
+    }
 }
 
 /// Why settings could not be read or written.
@@ -335,6 +358,14 @@ pub trait System {
         Self: Sized,
     {
         None
+    }
+
+    /// Fills `into` with random numbers that nobody can guess; returns whether the board can.
+    fn random(&self, _into: &mut [u8]) -> bool
+    where
+        Self: Sized,
+    {
+        false
     }
 
     /// Restarts the gateway with the saved settings; may return before it happens.

@@ -18,6 +18,7 @@ mod point_checks;
 mod point_problem;
 mod point_words;
 mod points;
+mod port_fields;
 mod port_keys;
 mod port_kinds;
 mod port_limits;
@@ -46,7 +47,7 @@ pub use self::loader::{LoadError, Loader};
 #[cfg(feature = "points")] // The console needs it for its commands of points.
 pub(crate) use self::point_problem::PointProblem;
 pub(crate) use self::point_words::{KINDS, ORDERS, ORDERS_EXPECTED, TYPES, TYPES_EXPECTED};
-pub use self::print::{SPEED_BYTES_MAX, write_line};
+pub use self::print::write_line;
 pub(crate) use self::print::{Shown, write_shown_line};
 pub(crate) use self::problem::Problem;
 pub use self::problem::{LineError, WORD_BYTES_MAX, Warning};

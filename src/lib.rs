@@ -30,8 +30,8 @@
 //!
 //! [`hal`] defines the board's interface. The board keeps frame slots, port states and connections in statics, builds a
 //! [`gateway::Gateway`] over them, and runs its futures as tasks: one that routes, one for each port, one for each TCP connection,
-//! one for each console ([`console`]). The settings ([`settings`], [`language`]) are lines of text, the same at the console, in a
-//! file and in `show config`.
+//! one for each console ([`console`]), and with the feature `web` some for the connections of the web interface. The settings
+//! ([`settings`], [`language`]) are lines of text, the same at the console, in a file and in `show config`.
 //!
 //! # EtherCAT
 //!
@@ -48,7 +48,8 @@
 //! With the feature `small` some are lower, for boards with little memory. Without the feature `points` there are no data points,
 //! and no memory for them. Without `ipv6` settings accept IPv4 addresses only, as on boards with their own Ethernet. Without
 //! `servers` a TCP client has one server, given by its address. Without `capture` no frames are stored. Without `paths` names of
-//! serial devices are short, as on boards.
+//! serial devices are short, as on boards. Without `web` there is no web interface. Without `ssh` there are no SSH servers and no
+//! public keys of users.
 //!
 //! | limit | value | why |
 //! | --- | --- | --- |
@@ -97,3 +98,6 @@ pub mod scanner;
 pub mod settings;
 pub mod stats;
 mod tasks;
+// Most images have none.
+#[cfg(feature = "web")]
+pub mod web;

@@ -26,7 +26,8 @@ mod whole;
 
 pub use self::address::{Allowed, IpPrefix, Prefixes};
 pub(crate) use self::address::{Endpoint, IPV6, canonical};
-pub use self::ethercat::{EthercatSettings, INTERFACE_BYTES_MAX, InterfaceName, OnLoss};
+pub(crate) use self::ethercat::INTERFACE_BYTES_MAX;
+pub use self::ethercat::{EthercatSettings, InterfaceName, OnLoss};
 pub use self::functions::Functions;
 pub use self::lane::Lane;
 pub use self::limits::{
@@ -43,7 +44,8 @@ pub use self::points::{
 };
 pub use self::policy::{AddressRange, Cut, Forbidden, Merge, Policy, Priority, Sharing};
 pub use self::port::{Port, PortKind, Special, UnitPolicy};
-pub use self::proof::{PROOFS_MAX, Proof, Proofs};
+pub(crate) use self::proof::PROOFS_MAX;
+pub use self::proof::{Proof, Proofs};
 pub use self::rule::{Destination, Route, Tag, UnitRange};
 pub use self::rules::Rules;
 pub use self::serial::{
@@ -61,5 +63,7 @@ pub(crate) use self::syslog::Syslogs;
 pub use self::syslog::{Syslog, Transport};
 pub use self::time::Time;
 pub use self::users::PasswordHash;
-pub(crate) use self::users::{Role, USERS, USERS_MAX, User, Users};
+pub(crate) use self::users::{
+    PUBLIC_KEY_BYTES, PublicKey, Role, SSH, USER_KEYS_MAX, USERS, USERS_MAX, User, Users,
+};
 pub use self::whole::Settings;

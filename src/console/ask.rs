@@ -22,7 +22,7 @@ const WRITE_HEAD_BYTES: usize = READ_BYTES + 1;
 
 /// The request to send.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Ask {
+pub(crate) enum Ask {
     Ping,
     Read,
     Write,
@@ -30,13 +30,13 @@ pub(super) enum Ask {
 
 /// The request, and how to decode its response.
 pub(super) struct Question {
-    ask: Ask,
-    unit: u8,
+    pub(super) ask: Ask,
+    pub(super) unit: u8,
     kind: Kind,
-    first: u16,
-    count: u16,
-    value: ValueType,
-    order: ByteOrder,
+    pub(super) first: u16,
+    pub(super) count: u16,
+    pub(super) value: ValueType,
+    pub(super) order: ByteOrder,
     /// Values shown so far.
     shown: usize,
 }
@@ -98,7 +98,7 @@ impl Question {
 }
 
 /// Parses the words after `ping`, `read` or `write` into `request`, and returns the port.
-fn parse(
+pub(super) fn parse(
     settings: &Settings,
     ask: Ask,
     words: &Words,

@@ -1,9 +1,8 @@
 //! What the next line is, if not a command.
 
-use core::net::IpAddr;
-
 use heapless::String;
 
+use super::mode::Mode;
 use crate::settings::{Name, USERS};
 
 /// Most bytes of a password.
@@ -27,8 +26,8 @@ pub(super) enum Asks {
 
 impl Asks {
     /// What a session begins with.
-    pub(super) fn first(peer: Option<IpAddr>) -> Self {
-        if peer.is_some() { Self::User } else { Self::Command }
+    pub(super) fn first(mode: Mode<'_>) -> Self {
+        if matches!(mode, Mode::Network(..)) { Self::User } else { Self::Command }
     }
 
     /// The prompt; `None`: that of commands.

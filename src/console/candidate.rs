@@ -1,25 +1,31 @@
 //! The commands of a candidate: begin, commit, take back.
 
+use core::fmt::Display;
 use core::ops::RangeInclusive;
 
 use embassy_time::Duration;
+use heapless::String;
 
 use super::diff::Diff;
 use super::job::Job;
 use super::run::{Run, command};
 use super::session::Session;
-use super::wait::Wait;
+use super::wait::{Wait, WaitEvent};
 use crate::gateway::Candidate;
 use crate::gateway::commit::Uncommitted;
 use crate::hal::Store;
-use crate::language::{Offer, Verbs, Words, Wrong, time};
+use crate::language::{Offer, Verbs, Words, Wrong, small, time};
 use crate::settings::Role::{Engineer, Viewer};
-use crate::settings::{Settings, Time};
+use crate::settings::Time;
 
 /// How long a commit waits for its confirmation, unless told.
 const CONFIRMED: Duration = Duration::from_secs(5 * 60);
 /// How long it may.
-const CONFIRMED_RANGE: RangeInclusive<Duration> = Duration::from_secs(10)..=Duration::from_secs(24 * 3_600);
+pub(super) const CONFIRMED_RANGE: RangeInclusive<Duration> =
+    Duration::from_secs(10)..=Duration::from_secs(24 * 3_600);
+
+/// Longest of what a store tells of a version.
+const VERSION_BYTES_MAX: usize = 128;
 
 /// The commands.
 pub(super) const COMMANDS: Verbs<Run> = &[
@@ -64,11 +70,35 @@ commit\tputs it in force and saves it, or confirms",
     ),
     (
         "rollback",
-        command(Engineer, "rollback\ttakes back what waits for its confirmation", |_, words, _| {
-            words.end()?;
-            Ok(Wait::RollBack)
-        })
+        command(
+            Engineer,
+            "rollback [N]\ttakes back a commit, or brings a version back
+rollback\ttakes back what waits for its confirmation
+rollback N\tmakes a saved version the candidate, see versions;
+\tthen diff, commit",
+            |_, words, _| {
+                if words.peek().is_end() {
+                    return Ok(Wait::RollBack);
+                }
+                let nth = small(words.take(), "a version, see `versions`", 0..=u8::MAX)?;
+                words.end()?;
+                Ok(Wait::BringBack { nth: usize::from(nth) })
+            },
+        )
         .audited(),
+    ),
+    (
+        "versions",
+        command(
+            Engineer,
+            "versions\twhat was saved last, when and by whom
+  LINES: how many came and went with it. rollback N: makes it the candidate.",
+            |_, words, job| {
+                words.end()?;
+                *job = Job::Versions { next: 1 };
+                Ok(Wait::Version { nth: 0 })
+            },
+        ),
     ),
     (
         "discard",
@@ -114,8 +144,7 @@ impl<'g> Session<'_, 'g> {
             self.fail(&Uncommitted::Nothing);
             return;
         };
-        let ahead = |new: &Settings| self.audit_difference(new);
-        match (candidate.commit(self.gateway, store, confirmed, &ahead).await, confirmed) {
+        match (candidate.commit(self.gateway, store, confirmed, (self.actor(), self.port)).await, confirmed) {
             (Err(error), _) => _ = self.fail(&error),
             (Ok(()), None) => self.out.line(format_args!("in force and saved")),
             (Ok(()), Some(time)) => self.out.line(format_args!(
@@ -135,5 +164,41 @@ impl<'g> Session<'_, 'g> {
             Ok(()) => self.out.line(format_args!("the settings from before are back in force")),
             Err(error) => _ = self.fail(&error),
         }
+    }
+
+    /// `rollback N`
+    pub(super) async fn bring_back(&mut self, store: &mut impl Store, nth: usize) {
+        let Some(candidate) = self.gateway.candidate() else {
+            self.fail(&Uncommitted::Nothing);
+            return;
+        };
+        match candidate.bring_back(self.gateway, store, nth).await {
+            Ok(()) => {
+                self.out.line(format_args!("version {nth} is the candidate: see `diff`, then `commit`"))
+            }
+            Err(error) => _ = self.fail(&error),
+        }
+    }
+
+    /// Writes the `nth` row of `versions`.
+    pub(super) fn version(&mut self, store: &mut impl Store, nth: usize) -> WaitEvent {
+        let mut known = String::<VERSION_BYTES_MAX>::new();
+        // Fits, and what does not is cut.
+        if store.write_version(nth, &mut known).is_none() {
+            if nth == 0 {
+                self.out.line(format_args!("nothing was saved so far"));
+            }
+            return WaitEvent::NoVersion;
+        }
+        let mut row = |number: &dyn Display, known: &str| {
+            let mut cells = known.splitn(3, '\t');
+            let [when, lines, who] = [(); 3].map(|()| cells.next().unwrap_or_default());
+            self.out.line(format_args!("{number:>2} {when:20} {lines:9} {who}"));
+        };
+        if nth == 0 {
+            row(&"NO", "TIME\tLINES\tWHO");
+        }
+        row(&nth, &known);
+        WaitEvent::Nothing
     }
 }

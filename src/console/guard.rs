@@ -3,35 +3,26 @@
 //! A web page can make a browser send text of its choice to any reachable port. The lines of that text would run as commands if the
 //! request's first line did not reveal it.
 
-use core::fmt;
-
 use crate::settings::LINE_BYTES_MAX;
 
 /// What a connection carries instead of console lines.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum Foreign {
     /// An HTTP request.
+    #[error("this is HTTP")]
     Http,
     /// A TLS record.
+    #[error("this is TLS")]
     Tls,
     /// Telnet negotiation.
+    #[error("this is a telnet client that negotiates")]
     Telnet,
     /// A first line with NUL, as in binary protocols.
+    #[error("the first line is not text")]
     NotText,
     /// A first line longer than a console line may be.
+    #[error("the first line is too long")]
     TooLong,
-}
-
-impl fmt::Display for Foreign {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Http => "this is HTTP",
-            Self::Tls => "this is TLS",
-            Self::Telnet => "this is a telnet client that negotiates",
-            Self::NotText => "the first line is not text",
-            Self::TooLong => "the first line is too long",
-        })
-    }
 }
 
 /// Start of the version in a request line, after any method and target.

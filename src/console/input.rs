@@ -41,12 +41,14 @@ pub(super) enum Typed {
 }
 
 impl Input {
-    pub(super) fn new(mode: Mode) -> Self {
+    pub(super) fn new(mode: Mode<'_>) -> Self {
         match mode {
-            Mode::Echo => Self::Keys(Editor::new(PROMPT, false)),
+            Mode::Echo | Mode::User { edits: true, .. } => Self::Keys(Editor::new(PROMPT, false)),
             Mode::Foreground => Self::Keys(Editor::new(PROMPT, true)),
-            Mode::Plain => Self::Text(LineBuffer::default(), Keys::default(), None),
-            Mode::Network(_) => Self::Text(LineBuffer::default(), Keys::default(), Some(Guard::default())),
+            Mode::Plain | Mode::User { edits: false, .. } => {
+                Self::Text(LineBuffer::default(), Keys::default(), None)
+            }
+            Mode::Network(..) => Self::Text(LineBuffer::default(), Keys::default(), Some(Guard::default())),
         }
     }
 

@@ -28,6 +28,12 @@ pub(super) enum Job<'g> {
     // As its module.
     #[cfg(feature = "candidate")]
     Diff(Diff),
+    /// The saved versions, of which this one is next.
+    // As above.
+    #[cfg(feature = "candidate")]
+    Versions {
+        next: usize,
+    },
 }
 
 impl Job<'_> {
@@ -51,6 +57,14 @@ impl Job<'_> {
             // As above.
             #[cfg(feature = "candidate")]
             Self::Diff(diff) => diff.step(session),
+            #[cfg(feature = "candidate")]
+            Self::Versions { .. } if matches!(came, WaitEvent::NoVersion) => Wait::End,
+            #[cfg(feature = "candidate")]
+            Self::Versions { next } => {
+                let nth = *next;
+                *next += 1;
+                Wait::Version { nth }
+            }
         }
     }
 }

@@ -3,16 +3,18 @@
 use core::fmt;
 use core::mem::take;
 
-use embassy_time::{Duration, Instant};
+use embassy_time::Duration;
 
 use super::asks::{Asks, PASSWORD_BYTES_MAX, Password};
 use super::session::Session;
 use super::wait::Wait;
+use crate::gateway::Credential;
 use crate::gateway::audit::Topic;
+use crate::gateway::enter::Refused;
 use crate::gateway::reconfigure;
 use crate::hal::System;
 use crate::language::{Words, Wrong, user_name};
-use crate::settings::{Name, Role, Time, USERS};
+use crate::settings::{Name, Role, Settings, Time, USERS};
 
 /// Least bytes of a password.
 const PASSWORD_BYTES_MIN: usize = 8;
@@ -20,7 +22,7 @@ const PASSWORD_BYTES_MIN: usize = 8;
 const FAILURES_MAX: u8 = 3;
 
 /// Why nobody gets in, or a password is none.
-pub(super) enum Denied {
+pub(crate) enum Denied {
     NoUsers,
     Wrong,
     Pause(Duration),
@@ -64,9 +66,8 @@ impl Session<'_, '_> {
         if !USERS {
             return;
         }
-        let can_log_in =
-            || self.gateway.settings(|settings| settings.users.iter().any(|user| user.password.is_some()));
-        if self.peer.is_some() && !can_log_in() {
+        let is_open = !self.user.is_empty() || self.gateway.settings(Settings::can_log_in);
+        if self.peer.is_some() && !is_open {
             self.fail(&Denied::NoUsers);
             self.ends = true;
         }
@@ -82,21 +83,8 @@ impl Session<'_, '_> {
                 Wait::End
             }
             Asks::Password(user) => {
-                let pause = self.peer.and_then(|peer| {
-                    self.gateway.attempts(|attempts| attempts.pause(Instant::now(), peer, &user))
-                });
-                match pause {
-                    None => {
-                        self.asks = Asks::Password(user);
-                        Wait::LogIn
-                    }
-                    Some(pause) => {
-                        self.ends = true;
-                        self.audit_failure(&user, "an attempt within the pause");
-                        // Whole seconds, and not 0.
-                        self.fail(&Denied::Pause(Duration::from_secs(pause.as_secs() + 1)))
-                    }
-                }
+                self.asks = Asks::Password(user);
+                Wait::LogIn
             }
             Asks::New(_) | Asks::Again(..) if self.role < Role::Engineer => {
                 self.fail(&Denied::Role { needed: Role::Engineer, own: self.role })
@@ -118,14 +106,6 @@ impl Session<'_, '_> {
         }
     }
 
-    /// Writes about a failed attempt to log in as `user`. A name of nobody is not told: it may be a password.
-    fn audit_failure(&self, user: &str, what: &str) {
-        let is_known = self.gateway.settings(|settings| settings.user(user).is_some());
-        let user = if is_known { user } else { "an unknown user" };
-        let what = format_args!("{what} for {user}");
-        self.gateway.audit_refusal(Topic::LogInFailed, None, self.peer, what);
-    }
-
     /// Takes over what the settings say of the user by now; a deleted one leaves.
     pub(super) fn check_role(&mut self) -> bool {
         if !USERS || self.user.is_empty() {
@@ -145,18 +125,13 @@ impl Session<'_, '_> {
     /// Checks the password `typed`.
     pub(super) async fn log_in(&mut self, system: &impl System, typed: &str) {
         let (Asks::Password(name), Some(peer)) = (take(&mut self.asks), self.peer) else { return };
-        let user = self.gateway.settings(|settings| settings.user(&name).cloned());
-        let hash = user.as_ref().and_then(|user| user.password.as_deref());
-        let (can_log_in, good) = (hash.is_some(), system.is_password(hash, typed).await);
-        match user.filter(|_| can_log_in && good) {
-            Some(user) => {
-                self.gateway.attempts(|attempts| attempts.succeeded(peer, &name));
-                (self.user, self.role) = (name, user.role);
-                self.audit(Topic::LogIn, format_args!("logged in as {}", self.role));
+        match self.gateway.enter(system, peer, &name, Credential::Password(typed)).await {
+            Ok(user) => (self.user, self.role) = (name, user.role),
+            Err(Refused::Pause(pause)) => {
+                self.ends = true;
+                self.fail(&Denied::Pause(pause));
             }
-            None => {
-                self.gateway.attempts(|attempts| attempts.failed(Instant::now(), peer, &name, can_log_in));
-                self.audit_failure(&name, "a wrong password");
+            Err(Refused::Wrong) => {
                 self.failures += 1;
                 self.ends = self.failures >= FAILURES_MAX;
                 self.asks = Asks::User;

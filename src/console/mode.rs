@@ -3,6 +3,7 @@
 use core::net::IpAddr;
 
 use super::guard::Foreign;
+use crate::settings::PortId;
 
 pub(super) const PROMPT: &str = "mobgate> ";
 /// The prompt while there are unsaved settings.
@@ -12,29 +13,58 @@ pub(super) const PROMPT_CANDIDATE: &str = "mobgate(candidate)> ";
 
 /// How a session talks to its peer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Mode {
+pub enum Mode<'u> {
     /// A raw terminal: lines are edited here and echoed.
     Echo,
     /// The program's own raw terminal: Ctrl-C twice on an empty line ends the session with [`Ended::Stopped`].
     Foreground,
     /// A program, a file, or a terminal that edits lines itself.
     Plain,
-    /// Lines over a network, from this address: a [`Foreign`] protocol ends the session, and a user must log in.
-    Network(IpAddr),
+    /// Lines over a network, from this address and by this port, if it is one of the settings: a [`Foreign`] protocol ends the
+    /// session, and a user must log in.
+    Network(IpAddr, Option<PortId>),
+    /// A user who has logged in before, by SSH.
+    User {
+        /// The user's name.
+        name: &'u str,
+        /// Where the user is.
+        peer: IpAddr,
+        /// The port of the settings by which the user has come.
+        port: PortId,
+        /// Whether a terminal, as with [`Echo`](Self::Echo); else lines, as with [`Plain`](Self::Plain).
+        edits: bool,
+    },
 }
 
-impl Mode {
+impl<'u> Mode<'u> {
+    /// Who has logged in before.
+    pub(super) fn user(self) -> &'u str {
+        match self {
+            Self::User { name, .. } => name,
+            _ => "",
+        }
+    }
+
     /// Where its user is, if not at the gateway.
     pub(super) fn peer(self) -> Option<IpAddr> {
         match self {
-            Self::Network(peer) => Some(peer),
+            Self::Network(peer, _) | Self::User { peer, .. } => Some(peer),
+            _ => None,
+        }
+    }
+
+    /// The port of the settings by which he has come.
+    pub(super) fn port(self) -> Option<PortId> {
+        match self {
+            Self::Network(_, port) => port,
+            Self::User { port, .. } => Some(port),
             _ => None,
         }
     }
 
     /// Whether the session edits lines.
     pub(super) fn edits(self) -> bool {
-        matches!(self, Self::Echo | Self::Foreground)
+        matches!(self, Self::Echo | Self::Foreground | Self::User { edits: true, .. })
     }
 }
 

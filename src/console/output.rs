@@ -11,7 +11,7 @@ const OUTPUT_BYTES_MAX: usize = LINE_BYTES_MAX + 128;
 
 /// The result of writing one place of a table; `None` after the last place. The first place is the heading. A place without a row
 /// writes nothing.
-pub(super) type Written = Option<fmt::Result>;
+pub(crate) type Written = Option<fmt::Result>;
 
 pub(super) const NO_ROW: Written = Some(Ok(()));
 

@@ -10,6 +10,7 @@ use super::wait::Wait;
 use crate::fieldbus::{EthercatState, LineWriter};
 use crate::gateway::Gateway;
 use crate::gateway::audit::{Actor, Topic};
+use crate::gateway::cut_off::{CutOff, cut_off};
 use crate::gateway::direct_request::{DirectRequestError, Turn};
 use crate::gateway::reconfigure::Unchanged;
 use crate::hal::{StoreError, System};
@@ -23,6 +24,8 @@ pub(super) struct Session<'s, 'g> {
     pub(super) system: &'s dyn System,
     /// Where the user is, if not at the gateway.
     pub(super) peer: Option<IpAddr>,
+    /// The port of the settings by which he has come, if it is one.
+    pub(super) port: Option<PortId>,
     /// Who has logged in.
     pub(super) user: Name,
     /// What the user may do.
@@ -51,17 +54,19 @@ pub(super) struct Session<'s, 'g> {
 }
 
 impl<'s, 'g> Session<'s, 'g> {
-    pub(super) fn new(gateway: &'s Gateway<'g>, system: &'s dyn System, mode: Mode) -> Self {
+    pub(super) fn new(gateway: &'s Gateway<'g>, system: &'s dyn System, mode: Mode<'_>) -> Self {
         let (line_end, columns, line_number) =
             if mode.edits() { ("\r\n", Some(COLUMNS), None) } else { ("\n", None, Some(0)) };
         Self {
             gateway,
             system,
             peer: mode.peer(),
-            user: Name::new(),
+            port: mode.port(),
+            // Names of users fit.
+            user: Name::try_from(mode.user()).unwrap_or_default(),
             // Least, until somebody has logged in.
             role: if mode.peer().is_none() { Role::Engineer } else { Role::Viewer },
-            asks: Asks::first(mode.peer()),
+            asks: Asks::first(mode),
             failures: 0,
             failed: false,
             ends: false,
@@ -112,6 +117,12 @@ impl Session<'_, '_> {
     /// The same of what `new` settings change.
     pub(super) fn audit_difference(&self, new: &Settings) {
         self.gateway.audit_difference(self.actor(), new);
+    }
+
+    /// Refuses `new` settings that would cut off the session.
+    pub(super) fn ahead(&self, new: &Settings) -> Result<(), CutOff> {
+        let why = self.gateway.settings(|in_force| cut_off(in_force, new, self.actor(), self.port));
+        why.map_or(Ok(()), Err)
     }
 
     /// Reports an error, which ends the command.

@@ -23,7 +23,7 @@ pub(super) struct Shell<'s, 'g> {
 }
 
 impl<'s, 'g> Shell<'s, 'g> {
-    pub(super) fn new(gateway: &'s Gateway<'g>, system: &'s dyn System, mode: Mode) -> Self {
+    pub(super) fn new(gateway: &'s Gateway<'g>, system: &'s dyn System, mode: Mode<'_>) -> Self {
         let mut session = Session::new(gateway, system, mode);
         session.check_users();
         Self { input: Input::new(mode), session, job: Job::Idle, ended: false }

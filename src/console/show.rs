@@ -16,18 +16,19 @@ use super::registers;
 use super::rows::{LineErrors, LogRow, Row, StatusText, age, cell, describe_unit, text, took};
 use super::session::Session;
 use super::table::{Source, titled};
+use super::users;
 use super::wait::Wait;
 use crate::fieldbus::{Controller, EthercatState, LineWriter};
 use crate::gateway::unit_health::{UNITS_MAX, Unit};
 use crate::hal::{NetworkState, System};
 use crate::language::listed::listed;
 use crate::language::{Shown, Words, Wrong, write_shown_line};
-use crate::settings::{self, Endpoint, PortKind, Role, SERVERS, ServerSettings, Settings, Side, User};
+use crate::settings::{self, Endpoint, PortKind, Role, SERVERS, ServerSettings, Settings, Side};
 use crate::stats::{Event, LOG_ENTRIES_MAX, LastError};
 
 /// The topics of `show`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Show {
+pub(crate) enum Show {
     Ports,
     Servers,
     Routes,
@@ -145,7 +146,7 @@ impl Table {
 }
 
 /// Writes the row at `place`, from 0, of a table.
-fn write(
+pub(super) fn write(
     source: &Source<'_, '_>,
     system: &dyn System,
     what: Show,
@@ -166,7 +167,7 @@ fn write(
         Show::Points => points::row(source, place, out),
         Show::Devices => points::device(source, place, out),
         Show::Registers => registers::row(source, place, out),
-        Show::Users if settings::USERS => table(USERS, user, out),
+        Show::Users if settings::USERS => table(users::HEAD, users::row, out),
         #[cfg(feature = "users")]
         Show::Audit => audit::row(source, system, place, out),
         Show::Config => write_shown_line(source.settings, place, Shown::WithoutSecrets, out),
@@ -188,7 +189,7 @@ const fn columns(what: Show) -> Columns {
         Show::Servers => &[15, 7, 4, 21],
         Show::Routes => &[-3, 15, 7, 18, 4, 15, 7],
         Show::Units => &[15, -4, 11, -10, -10, -10, -10, -9, -9, -9],
-        Show::Users => &[15, 8],
+        Show::Users => users::COLUMNS,
         #[cfg(feature = "users")]
         Show::Audit => audit::COLUMNS,
         Show::Clients => &[15, 21, -9, -9, -4, -10],
@@ -207,7 +208,6 @@ const SERVER_LINES: &str = "PORT\tUNITS\tTAG\tWHERE\tSTATUS";
 const ROUTES: &str = "NO\tSOURCE\tUNITS\tIP\tTAG\tDESTINATION\tKIND\tPOLICY";
 const UNITS: &str = "PORT\tUNIT\tSTATE\tREQUESTS\tANSWERS\tEXCEPTIONS\tTIMEOUTS\tLAST\tP50\tP99\tTROUBLES";
 const CLIENTS: &str = "PORT\tPEER\tSINCE\tQUIET\tOPEN\tREQUESTS\tPLACE";
-const USERS: &str = "NAME\tROLE\tPASSWORD";
 const STATS: &str = "PORT\tEVENT\tCOUNT\tPER-MINUTE";
 const NETWORK: &str = "LINK\tADDRESS\tGATEWAY\tETHERNET\tSETTING";
 const LOG: &str = "AGE\tSOURCE\tUNIT\tDESTINATION\tTARGET\tFUNCTION\tTOOK\tOUTCOME";
@@ -277,12 +277,6 @@ fn client(source: &Source<'_, '_>, nth: usize, out: &mut dyn fmt::Write) -> Writ
     let (open, requests) = (state.open_requests, state.requests);
     let place = if state.marked { "reserved" } else { "ordinary" };
     Some(write!(out, "{port}\t{peer}\t{since}\t{quiet}\t{open}\t{requests}\t{place}"))
-}
-
-fn user(source: &Source<'_, '_>, nth: usize, out: &mut dyn fmt::Write) -> Written {
-    let User { name, role, password } = source.settings.users.get(nth)?;
-    let password = if password.is_some() { "set" } else { "none: cannot log in" };
-    Some(write!(out, "{name}\t{role}\t{password}"))
 }
 
 /// The counters of all ports, then their last errors, then those of frames.

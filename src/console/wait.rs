@@ -43,6 +43,17 @@ pub(super) enum Wait {
     // As above.
     #[cfg(feature = "candidate")]
     RollBack,
+    /// This one of the saved versions to be the candidate, or to be written.
+    // As above.
+    #[cfg(feature = "candidate")]
+    BringBack {
+        nth: usize,
+    },
+    // As above.
+    #[cfg(feature = "candidate")]
+    Version {
+        nth: usize,
+    },
     /// The file of a new image.
     Update {
         allow_older: bool,
@@ -69,6 +80,10 @@ impl Wait {
 pub(super) enum WaitEvent {
     /// The time is over, or there was nothing to wait for.
     Nothing,
+    /// There is no further version.
+    // As above.
+    #[cfg(feature = "candidate")]
+    NoVersion,
     Key(u8),
     /// This many bytes of input; 0: the input has ended.
     Typed(usize),

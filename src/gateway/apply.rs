@@ -12,6 +12,11 @@ impl Gateway<'_> {
     /// the others keep running.
     pub fn apply(&self, new: &Settings) -> Result<(), ApplyError> {
         self.check(new)?;
+        self.put_in_force(new)
+    }
+
+    /// The same of settings that were checked.
+    pub(super) fn put_in_force(&self, new: &Settings) -> Result<(), ApplyError> {
         let mut points = Reloaded::Nothing;
         if let Some(port_state) = self.scanner() {
             let load = |scanner: &mut _| self.settings(|old| points::load(scanner, old, new, Instant::now()));
@@ -38,6 +43,9 @@ impl Gateway<'_> {
             }
             settings.clone_from(new);
         });
+        // Images without a web interface have nobody to tell.
+        #[cfg(feature = "web")]
+        self.web.settings_changed();
         self.follow_ethercat(new, other_slaves);
         for port_state in
             self.port_states().filter(|port_state| changed.get(port_state.id.index()) == Some(&true))

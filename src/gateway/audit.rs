@@ -4,7 +4,6 @@
 //! can cause at will is counted when it repeats: a line tells the number once an interval. No line has a secret, nor a text that was
 //! not understood, which may be a password typed at the wrong prompt.
 
-mod difference;
 mod ring;
 pub(super) mod state;
 mod topic;

@@ -10,9 +10,11 @@ use thiserror::Error;
 
 use super::audit::Actor;
 use super::candidate::{Candidate, Stage};
+use super::cut_off::{CutOff, cut_off};
+use super::reconfigure::Unchanged;
 use super::{ApplyError, Gateway, reconfigure, saved};
 use crate::hal::{Store, StoreError};
-use crate::settings::Settings;
+use crate::settings::{PortId, Settings};
 
 /// Why a candidate is not begun, changed or committed.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
@@ -35,11 +37,37 @@ pub(crate) enum Uncommitted {
     Apply(#[from] ApplyError),
     #[error("nothing has changed: {0}")]
     Store(#[from] StoreError),
+    #[error("this would cut you off: {0}; `commit confirmed 5m` can be taken back")]
+    CutOff(CutOff),
+    #[error("there is no such version: see `versions`")]
+    NoVersion,
+    #[error(transparent)]
+    Version(#[from] Unchanged),
 }
 
 impl From<TryLockError> for Uncommitted {
     fn from(_: TryLockError) -> Self {
         Self::Busy
+    }
+}
+
+/// One of the versions in a store, to be read.
+struct Version<'s, S> {
+    store: &'s mut S,
+    nth: usize,
+}
+
+impl<S: Store> Store for Version<'_, S> {
+    async fn read(&mut self, offset: usize, into: &mut [u8]) -> Result<usize, StoreError> {
+        self.store.read_version(self.nth, offset, into).await
+    }
+
+    async fn append(&mut self, _: &[u8]) -> Result<(), StoreError> {
+        Err(StoreError::Failed)
+    }
+
+    async fn commit(&mut self) -> Result<(), StoreError> {
+        Err(StoreError::Failed)
     }
 }
 
@@ -65,6 +93,27 @@ impl Candidate {
         Ok(())
     }
 
+    /// Makes the `nth` of the versions in `store` the candidate, whatever the candidate was.
+    pub(crate) async fn bring_back(
+        &self,
+        gateway: &Gateway<'_>,
+        store: &mut impl Store,
+        nth: usize,
+    ) -> Result<(), Uncommitted> {
+        let mut settings = self.settings.try_lock()?;
+        if self.is_waiting() {
+            return Err(Uncommitted::Waiting);
+        }
+        // A text that cannot be read must not spoil the candidate.
+        let mut draft = reconfigure::draft(gateway).await;
+        if reconfigure::read(gateway, &mut Version { store, nth }, &mut draft).await? == 0 {
+            return Err(Uncommitted::NoVersion);
+        }
+        settings.clone_from(&draft);
+        self.set(Stage::Open { changes: gateway.changes() });
+        Ok(())
+    }
+
     /// Drops the candidate.
     pub(crate) fn discard(&self) -> Result<(), Uncommitted> {
         drop(self.settings()?);
@@ -73,15 +122,16 @@ impl Candidate {
     }
 
     /// Puts the candidate in force: saves it, or waits for its confirmation for `confirmed`. Confirms a commit that waits. After an
-    /// error the settings in force are those of before. Calls `ahead` with settings that are about to be in force.
+    /// error the settings in force are those of before. What would cut off `actor`, who has come by `port`, must be `confirmed`.
     pub(crate) async fn commit(
         &self,
         gateway: &Gateway<'_>,
         store: &mut impl Store,
         confirmed: Option<Duration>,
-        ahead: &dyn Fn(&Settings),
+        (actor, port): (Actor<'_>, Option<PortId>),
     ) -> Result<(), Uncommitted> {
         let mut settings = self.settings.try_lock()?;
+        store.sign(&actor);
         let changes = match (self.stage(), confirmed) {
             (Stage::Nothing, _) => return Err(Uncommitted::Nothing),
             (Stage::Waiting { unsaved, .. }, Some(time)) => {
@@ -89,7 +139,7 @@ impl Candidate {
                 return Ok(());
             }
             (Stage::Waiting { .. }, None) => {
-                self.save(gateway, store).await?;
+                reconfigure::write(gateway, store, false).await?;
                 self.set(Stage::Nothing);
                 return Ok(());
             }
@@ -102,8 +152,12 @@ impl Candidate {
         let mut before = reconfigure::draft(gateway).await;
         gateway.settings(|in_force| before.clone_from(in_force));
         gateway.check(&settings)?;
-        ahead(&settings);
-        gateway.apply(&settings)?;
+        let why = gateway.settings(|in_force| cut_off(in_force, &settings, actor, port));
+        if let Some(why) = why.filter(|_| confirmed.is_none()) {
+            return Err(Uncommitted::CutOff(why));
+        }
+        gateway.audit_difference(actor, &settings);
+        gateway.put_in_force(&settings)?;
         let unsaved = gateway.set_unsaved(true);
         if let Some(time) = confirmed {
             settings.clone_from(&before);
@@ -118,22 +172,12 @@ impl Candidate {
                 Ok(())
             }
             Err(error) => {
-                ahead(&before);
+                gateway.audit_difference(actor, &before);
                 self.go_back(gateway, &before, unsaved);
                 self.set(Stage::Open { changes: gateway.changes() });
                 Err(error.into())
             }
         }
-    }
-
-    /// Saves the settings in force, which a commit has put there.
-    async fn save(&self, gateway: &Gateway<'_>, store: &mut impl Store) -> Result<(), StoreError> {
-        let mut draft = reconfigure::draft(gateway).await;
-        gateway.settings(|in_force| draft.clone_from(in_force));
-        store.overwrite(false);
-        saved::write_store(&draft, store).await?;
-        gateway.set_unsaved(false);
-        Ok(())
     }
 
     /// Takes back a commit that waits for its confirmation.
@@ -149,7 +193,7 @@ impl Candidate {
     }
 
     fn go_back(&self, gateway: &Gateway<'_>, before: &Settings, unsaved: bool) {
-        match gateway.apply(before) {
+        match gateway.put_in_force(before) {
             Ok(()) => _ = gateway.set_unsaved(unsaved),
             // They were in force: the board has what they need.
             Err(error) => log_warn!("the settings from before cannot be applied: {error}"),

@@ -9,6 +9,7 @@ use heapless::String;
 use thiserror::Error;
 
 use super::saved::{self, ReadError};
+use crate::gateway::cut_off::CutOff;
 use crate::gateway::{ApplyError, Candidate, Gateway};
 use crate::hal::{Store, StoreError};
 use crate::language;
@@ -33,7 +34,21 @@ pub enum Unchanged {
     /// The board lacks what a line in the store needs.
     #[error("saved settings: {0}")]
     Refused(Refused),
+    /// Who wants the change would be cut off by it.
+    #[error(
+        "this would cut you off: {0}; `candidate`, the change, then `commit confirmed 5m` can be taken back"
+    )]
+    CutOff(CutOff),
 }
+
+impl From<CutOff> for Unchanged {
+    fn from(why: CutOff) -> Self {
+        Self::CutOff(why)
+    }
+}
+
+/// A last look at settings that are about to be in force, or why they must not be.
+pub(crate) type Ahead<'a> = &'a dyn Fn(&Settings) -> Result<(), CutOff>;
 
 /// The first line of a text that needs something the board lacks.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
@@ -65,34 +80,37 @@ pub async fn draft<'s>(gateway: &'s Gateway<'_>) -> MutexGuard<'s, CriticalSecti
     gateway.draft.lock().await
 }
 
-/// Changes the settings by `line`: those of the candidate, if there is one; calls `done` if they are others now.
+/// Changes the settings by `line`: those of the candidate, if there is one; else after a last look by `ahead` if they are others.
 pub async fn change(
     gateway: &Gateway<'_>,
     line: &str,
-    done: &dyn Fn(),
+    ahead: Ahead<'_>,
 ) -> Result<Option<Warning>, Unchanged> {
     if let Some(candidate) = gateway.candidate().filter(|candidate| candidate.is_open()) {
         let mut settings = candidate.lock().ok_or(StoreError::Refused("somebody commits at this moment"))?;
         return Ok(language::apply(&mut settings, line)?.warning);
     }
-    let applied = change_by(gateway, |draft| language::apply(draft, line), done).await?;
+    let applied = change_by(gateway, |draft| language::apply(draft, line), ahead).await?;
     Ok(applied.warning)
 }
 
-/// Applies what `change` makes of the settings, unless it fails; calls `done` if they are others now.
+/// Applies what `change` makes of the settings, unless it fails, after a last look by `ahead` if they are others.
 async fn change_by<R>(
     gateway: &Gateway<'_>,
     change: impl FnOnce(&mut Settings) -> Result<R, LineError>,
-    done: &dyn Fn(),
+    ahead: Ahead<'_>,
 ) -> Result<R, Unchanged> {
     let mut draft = draft(gateway).await;
     gateway.settings(|settings| draft.clone_from(settings));
     let changed = change(&mut draft)?;
     let differs = gateway.settings(|settings| *draft != *settings);
-    gateway.apply(&draft)?;
+    gateway.check(&draft)?;
+    if differs {
+        ahead(&draft)?;
+    }
+    gateway.put_in_force(&draft)?;
     if differs {
         gateway.set_unsaved(true);
-        done();
     }
     Ok(changed)
 }
@@ -111,7 +129,7 @@ pub(crate) async fn set_password(
         }
         Ok(())
     };
-    change_by(gateway, set, &|| {}).await
+    change_by(gateway, set, &|_| Ok(())).await
 }
 
 /// Writes the settings to `store`; `whatever`: even if the text there was changed by others.
@@ -120,6 +138,15 @@ pub async fn save(gateway: &Gateway<'_>, store: &mut impl Store, whatever: bool)
     if gateway.candidate().is_some_and(Candidate::is_waiting) {
         return Err(StoreError::Refused(UNCONFIRMED));
     }
+    write(gateway, store, whatever).await
+}
+
+/// [`save`], also of settings that wait for their confirmation.
+pub(super) async fn write(
+    gateway: &Gateway<'_>,
+    store: &mut impl Store,
+    whatever: bool,
+) -> Result<(), StoreError> {
     let mut draft = draft(gateway).await;
     gateway.settings(|settings| draft.clone_from(settings));
     // Changes during the write are not saved.
@@ -136,12 +163,12 @@ pub async fn save(gateway: &Gateway<'_>, store: &mut impl Store, whatever: bool)
 pub async fn load(
     gateway: &Gateway<'_>,
     store: &mut impl Store,
-    ahead: &dyn Fn(&Settings),
+    ahead: Ahead<'_>,
 ) -> Result<usize, Unchanged> {
     let mut draft = draft(gateway).await;
     let bytes = read(gateway, store, &mut draft).await?;
     if bytes > 0 {
-        ahead(&draft);
+        ahead(&draft)?;
         take_over(gateway, store, &draft)?;
     }
     Ok(bytes)

@@ -89,15 +89,18 @@ fn conflict(own: &PortKind, other: &PortKind, name: &Name) -> Option<Problem> {
         (PortKind::Serial(own), PortKind::Serial(other)) if own.device == other.device => {
             Some(Problem::DeviceTaken(name.clone()))
         }
-        (PortKind::TcpServer(own), PortKind::TcpServer(other)) if own.listen.collides(&other.listen) => {
-            Some(Problem::ListenTaken)
-        }
+        // As its kind of port.
+        #[cfg(feature = "web")]
+        (PortKind::Http { .. }, PortKind::Http { .. }) => Some(Problem::HttpTaken),
         (PortKind::UdpServer(own), PortKind::UdpServer(other)) if own.listen.collides(&other.listen) => {
             Some(Problem::ListenTaken)
         }
         (PortKind::Ethercat(_), PortKind::Ethercat(_)) => Some(Problem::Points(PointProblem::EthercatTaken)),
         (PortKind::Scanner, PortKind::Scanner) => Some(Problem::Points(PointProblem::ScannerTaken)),
-        _ => None,
+        _ => {
+            let (own, other) = (own.tcp_listen()?, other.tcp_listen()?);
+            own.collides(other).then_some(Problem::ListenTaken)
+        }
     }
 }
 
@@ -273,11 +276,7 @@ pub(crate) fn delete(settings: &mut Settings, words: &Words<'_>) -> Result<Chang
             settings.routes.clear();
         }
         Thing::User if !USERS => return Err(words.take().error(Problem::NoUsers)),
-        Thing::User => {
-            let word = words.take();
-            words.end()?;
-            return users::delete_user(settings, word);
-        }
+        Thing::User => return users::delete_user(settings, words),
         _ if !POINTS => return Err(words.take().error(Problem::NoPoints)),
         Thing::Slaves => {
             words.end()?;

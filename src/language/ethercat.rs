@@ -1,18 +1,6 @@
 //! The keywords of an EtherCAT port.
 
-use core::fmt::{self, Display};
-
+use super::listed::keywords;
 use crate::settings::OnLoss;
 
-pub(crate) const ON_LOSS: &[(&str, OnLoss)] =
-    &[("hold", OnLoss::Hold), ("clear", OnLoss::Clear), ("stop", OnLoss::Stop)];
-
-impl Display for OnLoss {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.pad(match self {
-            Self::Hold => "hold",
-            Self::Clear => "clear",
-            Self::Stop => "stop",
-        })
-    }
-}
+keywords!(pub(crate) ON_LOSS: OnLoss { "hold": Hold, "clear": Clear, "stop": Stop });

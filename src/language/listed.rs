@@ -1,4 +1,18 @@
-//! The keywords of a table as listed in errors: "port, route or mdns". Generated at build time from the table.
+//! Tables of keywords, and their keywords as listed in errors: "port, route or mdns". Generated at build time.
+
+/// A table of keywords with the values that they stand for, and how those are printed.
+macro_rules! keywords {
+    ($visibility:vis $TABLE:ident: $type:ident { $($word:literal: $value:ident),+ }) => {
+        $visibility const $TABLE: &[(&str, $type)] = &[$(($word, $type::$value)),+];
+
+        impl core::fmt::Display for $type {
+            fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+                f.pad(match self { $(Self::$value => $word),+ })
+            }
+        }
+    };
+}
+pub(crate) use keywords;
 
 /// The text for a table of keywords with their values.
 macro_rules! listed {

@@ -9,6 +9,7 @@ use embassy_time::Duration;
 use heapless::String;
 
 use super::changed::Changed;
+use super::listed::keywords;
 use super::point_checks::{check_others, existing_point};
 use super::point_problem::PointProblem;
 use super::points::{usual_reading, usual_type};
@@ -22,15 +23,13 @@ use crate::settings::{
 
 pub(crate) const PERIOD: RangeInclusive<Duration> = Duration::from_millis(1)..=Duration::from_secs(3_600);
 
-pub(crate) const KINDS: &[(&str, Kind)] =
-    &[("coil", Kind::Coil), ("discrete", Kind::Discrete), ("input", Kind::Input), ("holding", Kind::Holding)];
+keywords!(pub(crate) KINDS: Kind {
+    "coil": Coil, "discrete": Discrete, "input": Input, "holding": Holding
+});
 
-pub(crate) const ORDERS: &[(&str, ByteOrder)] = &[
-    ("0123", ByteOrder::Order0123),
-    ("2301", ByteOrder::Order2301),
-    ("1032", ByteOrder::Order1032),
-    ("3210", ByteOrder::Order3210),
-];
+keywords!(pub(crate) ORDERS: ByteOrder {
+    "0123": Order0123, "2301": Order2301, "1032": Order1032, "3210": Order3210
+});
 
 pub(crate) const ORDERS_EXPECTED: &str = "0123, 2301, 1032 or 3210";
 

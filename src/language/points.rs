@@ -89,28 +89,6 @@ impl Display for Quoted<'_> {
     }
 }
 
-impl Display for Kind {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.pad(match self {
-            Self::Coil => "coil",
-            Self::Discrete => "discrete",
-            Self::Input => "input",
-            Self::Holding => "holding",
-        })
-    }
-}
-
-impl Display for ByteOrder {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.pad(match self {
-            Self::Order0123 => "0123",
-            Self::Order2301 => "2301",
-            Self::Order1032 => "1032",
-            Self::Order3210 => "3210",
-        })
-    }
-}
-
 impl Display for Reading {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {

@@ -1,18 +1,18 @@
-//! The kinds of port in port lines: the start of the line, the keywords and their settings, and the list for errors.
+//! The kinds of port in port lines: the start of the line, the keywords, and the list for errors.
 
 use core::fmt::{self, Display};
 
 use super::field::Field;
+use super::listed::listed;
 use super::port_keys::{Key, Keys, Keywords, UNIT_KEYS};
-use super::port_limits::{
-    BAUD, CHAR_TIMEOUT, CLIENTS, DOWN_AFTER, HOUR, ID, IDLE, LIFETIME, MINUTE, PIPELINE, REQUESTS, RESERVED,
-    RETRIES, SECOND, SOCKETS, TEN_SECONDS, TIMEOUT, UNIT,
-};
 use super::port_values::{device, server_address};
 use super::problem::Problem;
 use super::values::{listen, parse_number};
 use super::words::{Word, Words, Wrong};
 use crate::scanner::POINTS;
+// As above.
+#[cfg(feature = "web")]
+use crate::settings::Allowed;
 use crate::settings::{
     Driver, EthercatSettings, Framing, MODBUS_TCP_PORT, PortKind, SERVERS, SerialSettings, Side,
     StreamFraming, TcpClientSettings, TcpServerSettings, UdpServerSettings,
@@ -24,24 +24,35 @@ enum Medium {
     Serial,
     Tcp,
     Udp,
+    // Images without it have no word of it.
+    #[cfg(feature = "web")]
+    Http,
     Scanner,
     Ethercat,
+    // Where there is none, its word is not known; also below.
+    #[cfg(feature = "ssh")]
+    Ssh,
 }
 
-const MEDIA: [(&str, Medium); 5] = [
+const MEDIA: &[(&str, Medium)] = &[
     ("serial", Medium::Serial),
     ("tcp", Medium::Tcp),
     ("udp", Medium::Udp),
+    #[cfg(feature = "web")] // As above.
+    ("http", Medium::Http),
     ("scanner", Medium::Scanner),
     ("ethercat", Medium::Ethercat),
+    #[cfg(feature = "ssh")]
+    ("ssh", Medium::Ssh),
 ];
+const MEDIA_EXPECTED: &str = listed!(MEDIA);
 
 const SIDES: &[(&str, Side)] =
     &[("server", Side::Server), ("slave", Side::Server), ("client", Side::Client), ("master", Side::Client)];
 
 /// Whether the word is a kind of port where the port's name is expected.
 pub(crate) fn is_kind(word: Word) -> bool {
-    word.lookup(&MEDIA).is_some()
+    word.lookup(MEDIA).is_some()
 }
 
 const SERIAL: Keywords = (
@@ -96,6 +107,17 @@ const TCP_SERVER: Keywords = (
     "listen, rtu, capture, clients, idle, pipeline, lifetime, full, reserve or allow",
 );
 
+const SSH_SERVER: Keywords = (
+    &[
+        ("listen", Key::Listen),
+        ("clients", Key::Clients),
+        ("full", Key::Full),
+        ("reserve", Key::Reserve),
+        ("allow", Key::Allow),
+    ],
+    "listen, clients, full, reserve or allow",
+);
+
 const TCP_CLIENT: Keywords = (
     &[
         ("address", Key::Server),
@@ -130,6 +152,19 @@ const UDP_SERVER: Keywords = (
     "listen, pipeline, requests, lifetime or allow",
 );
 
+// As above.
+#[cfg(feature = "web")]
+const HTTP: Keywords = (
+    &[
+        ("listen", Key::Listen),
+        ("allow", Key::Allow),
+        ("cleartext", Key::Cleartext(true)),
+        // For `edit`: resets a flag.
+        ("no-cleartext", Key::Cleartext(false)),
+    ],
+    "listen, allow or cleartext",
+);
+
 const NONE: Keywords = (&[], "");
 const ETHERCAT: Keywords = if POINTS { WITH_CONTROLLER } else { NONE };
 const WITH_CONTROLLER: Keywords = (
@@ -154,10 +189,15 @@ const WITH_CONTROLLER: Keywords = (
 /// Parses the kind of a new port, up to the device or address.
 pub(crate) fn new_port<'a>(words: &'a Words) -> Result<(PortKind, Word<'a>), Wrong> {
     let word = words.take();
-    let medium = word.keyword(&MEDIA, "serial, tcp, udp, scanner or ethercat")?;
+    let medium = word.keyword(MEDIA, MEDIA_EXPECTED)?;
     let side = match medium {
         Medium::Tcp => words.take().keyword(SIDES, "server or client")?,
         Medium::Udp => words.take().keyword(SIDES.get(..2).unwrap_or(SIDES), "server")?,
+        // As above.
+        #[cfg(feature = "web")]
+        Medium::Http => words.take().keyword(SIDES.get(..2).unwrap_or(SIDES), "server")?,
+        #[cfg(feature = "ssh")]
+        Medium::Ssh => words.take().keyword(SIDES.get(..1).unwrap_or(SIDES), "server")?,
         Medium::Scanner | Medium::Ethercat if !POINTS => return Err(word.error(Problem::NoPoints)),
         Medium::Scanner => {
             words.end()?;
@@ -179,10 +219,17 @@ pub(crate) fn new_port<'a>(words: &'a Words) -> Result<(PortKind, Word<'a>), Wro
             let listen = listen(endpoint)?;
             PortKind::TcpServer(TcpServerSettings { listen, ..TcpServerSettings::new(listen.port) })
         }
+        #[cfg(feature = "ssh")]
+        (Medium::Ssh, _) => PortKind::TcpServer(TcpServerSettings::ssh(listen(endpoint)?)),
         (Medium::Tcp, Side::Client) => {
             PortKind::TcpClient(TcpClientSettings::new(Some(server_address(endpoint, MODBUS_TCP_PORT)?)))
         }
         (Medium::Udp, _) => PortKind::UdpServer(UdpServerSettings::new(listen(endpoint)?)),
+        // As above.
+        #[cfg(feature = "web")]
+        (Medium::Http, _) => {
+            PortKind::Http { listen: listen(endpoint)?, allowed: Allowed::everybody(), cleartext: false }
+        }
         // A keyword or number of a serial line is not a device name.
         _ if endpoint.lookup(SERIAL.0).is_some() || parse_number(endpoint.text).is_some() => {
             let device_first =
@@ -197,7 +244,16 @@ pub(crate) fn new_port<'a>(words: &'a Words) -> Result<(PortKind, Word<'a>), Wro
 /// Calls `each` with the keywords of all ports.
 pub(crate) fn keywords(each: &mut dyn FnMut(&'static str)) {
     MEDIA.iter().for_each(|&(keyword, _)| each(keyword));
-    let tables = [SERIAL.0, TCP_SERVER.0, TCP_CLIENT.0, UDP_SERVER.0, ETHERCAT.0, UNIT_KEYS];
+    let tables = [
+        SERIAL.0,
+        TCP_SERVER.0,
+        TCP_CLIENT.0,
+        UDP_SERVER.0,
+        #[cfg(feature = "web")] // As above.
+        HTTP.0,
+        ETHERCAT.0,
+        UNIT_KEYS,
+    ];
     for (nth, table) in tables.into_iter().enumerate() {
         for &(keyword, _) in table {
             // Several kinds have a `timeout`: it is offered once.
@@ -214,14 +270,18 @@ type Description<'d> = dyn FnMut(&dyn Display, &dyn Display, &dyn Display) + 'd;
 
 impl PortKind {
     /// The keywords of this kind of port, and their list for errors.
-    pub(crate) const fn words(&self) -> Keywords {
+    pub(crate) fn words(&self) -> Keywords {
         match self {
             Self::Serial(_) => SERIAL,
+            Self::TcpServer(server) if server.is_ssh() => SSH_SERVER,
             Self::TcpServer(_) => TCP_SERVER,
             Self::TcpClient(_) => TCP_CLIENT,
             Self::UdpServer(_) => UDP_SERVER,
             Self::Ethercat(_) => ETHERCAT,
             Self::Scanner => NONE,
+            // As above.
+            #[cfg(feature = "web")]
+            Self::Http { .. } => HTTP,
         }
     }
 
@@ -234,6 +294,14 @@ impl PortKind {
             Self::UdpServer(settings) => settings.field(key),
             Self::Ethercat(settings) => settings.field(key),
             Self::Scanner => None,
+            // As above.
+            #[cfg(feature = "web")]
+            Self::Http { listen, allowed, cleartext } => Some(match key {
+                Key::Listen => Field::Listen(listen),
+                Key::Allow => Field::Allow(allowed),
+                Key::Cleartext(is_clear) => Field::Flag(cleartext, is_clear),
+                _ => return None,
+            }),
         }
     }
 
@@ -243,12 +311,16 @@ impl PortKind {
             Self::Serial(SerialSettings { device, framing, side, line, .. }) => {
                 write!(f, "serial {device} {framing} {side} {}", line.speed())
             }
+            Self::TcpServer(server) if server.is_ssh() => write!(f, "ssh server {}", server.listen),
             Self::TcpServer(settings) => write!(f, "tcp server {}", settings.listen),
             Self::TcpClient(settings) => match &settings.server {
                 Some(server) => write!(f, "tcp client {server}"),
                 None => f.write_str("tcp client"),
             },
             Self::UdpServer(settings) => write!(f, "udp server {}", settings.listen),
+            // As above.
+            #[cfg(feature = "web")]
+            Self::Http { listen, .. } => write!(f, "http server {listen}"),
             Self::Scanner => f.write_str("scanner"),
             Self::Ethercat(_) => f.write_str("ethercat"),
         }
@@ -266,6 +338,7 @@ impl PortKind {
                 };
                 show(&role, device, &line.speed());
             }
+            Self::TcpServer(server) if server.is_ssh() => show(&"ssh server", &server.listen, &""),
             Self::TcpServer(server) => show(&"tcp server", &server.listen, &server.framing),
             Self::TcpClient(TcpClientSettings { server, framing, .. }) => {
                 show(&"tcp client", server.as_ref().map_or(&"see show servers", |server| server), framing);
@@ -273,6 +346,11 @@ impl PortKind {
             Self::UdpServer(server) => show(&"udp server", &server.listen, &""),
             Self::Ethercat(EthercatSettings { interface, .. }) => {
                 show(&"ethercat", interface.as_ref().map_or(&"", |name| name), &"");
+            }
+            // As above.
+            #[cfg(feature = "web")]
+            Self::Http { listen, cleartext, .. } => {
+                show(&"http server", listen, &if *cleartext { "cleartext" } else { "" });
             }
             Self::Scanner => show(&"scanner", &"", &""),
         }
@@ -285,6 +363,9 @@ impl PortKind {
                 let plain = SerialSettings::new(device.clone());
                 Self::Serial(SerialSettings { framing: *framing, side: *side, ..plain })
             }
+            Self::TcpServer(settings) if settings.is_ssh() => {
+                Self::TcpServer(TcpServerSettings::ssh(settings.listen))
+            }
             Self::TcpServer(settings) => {
                 let mut plain = TcpServerSettings::new(settings.listen.port);
                 plain.listen = settings.listen;
@@ -293,106 +374,13 @@ impl PortKind {
             }
             Self::TcpClient(settings) => Self::TcpClient(TcpClientSettings::new(settings.server.clone())),
             Self::UdpServer(settings) => Self::UdpServer(UdpServerSettings::new(settings.listen)),
+            // As above.
+            #[cfg(feature = "web")]
+            Self::Http { listen, .. } => {
+                Self::Http { listen: *listen, allowed: Allowed::everybody(), cleartext: false }
+            }
             Self::Scanner => Self::Scanner,
             Self::Ethercat(_) => Self::Ethercat(EthercatSettings::default()),
         }
-    }
-}
-
-impl SerialSettings {
-    fn field(&mut self, key: Key) -> Option<Field<'_>> {
-        let Self { line, client, server, .. } = self;
-        Some(match key {
-            Key::Device => Field::Device(&mut self.device),
-            Key::Framing(framing) => Field::Framing(&mut self.framing, framing),
-            Key::Side(side) => Field::Side(&mut self.side, side),
-            Key::Baud => Field::Baud(&mut line.baud, &BAUD),
-            Key::Format => Field::Format(line),
-            Key::Gap => Field::AutoTime(&mut line.gap, &SECOND),
-            Key::CharTimeout => Field::AutoTime(&mut line.char_timeout, &CHAR_TIMEOUT),
-            Key::Driver(driver) => Field::Driver(&mut line.driver, driver),
-            Key::DriverBefore => Field::Time(&mut line.driver_before, &SECOND),
-            Key::DriverAfter => Field::Time(&mut line.driver_after, &SECOND),
-            Key::Echo(echo) => Field::Flag(&mut line.echo, echo),
-            Key::AnswerWithin => Field::Time(&mut server.answer_within, &LIFETIME),
-            Key::ReplyDelay => Field::Time(&mut server.reply_delay, &TEN_SECONDS),
-            Key::Timeout => Field::Time(&mut client.timeout, &TIMEOUT),
-            Key::Retries => Field::Small(&mut client.retries, &RETRIES),
-            Key::Turnaround => Field::Time(&mut client.turnaround, &MINUTE),
-            Key::StartDelay => Field::Time(&mut client.start_delay, &HOUR),
-            Key::LateWindow => Field::AutoTime(&mut client.late_window, &HOUR),
-            Key::DownAfter => Field::Small(&mut client.down_after, &DOWN_AFTER),
-            Key::Proof => Field::Proofs(&mut client.proofs),
-            _ => return None,
-        })
-    }
-}
-
-impl TcpServerSettings {
-    fn field(&mut self, key: Key) -> Option<Field<'_>> {
-        Some(match key {
-            Key::Listen => Field::Listen(&mut self.listen),
-            Key::Stream(framing) => Field::Stream(&mut self.framing, framing),
-            Key::Clients => Field::Medium(&mut self.clients, &CLIENTS),
-            Key::Idle => Field::Idle(&mut self.idle, &IDLE),
-            Key::Pipeline => Field::Small(&mut self.pipeline, &PIPELINE),
-            Key::Lifetime => Field::Time(&mut self.lifetime, &LIFETIME),
-            Key::Full => Field::Full(&mut self.refuses),
-            Key::Reserve => Field::Reserve(&mut self.reserved, &mut self.reserved_for, &RESERVED),
-            Key::Allow => Field::Allow(&mut self.allowed),
-            _ => return None,
-        })
-    }
-}
-
-impl TcpClientSettings {
-    fn field(&mut self, key: Key) -> Option<Field<'_>> {
-        Some(match key {
-            Key::Server => Field::Server(&mut self.server),
-            Key::Stream(framing) => Field::Stream(&mut self.framing, framing),
-            Key::Unit => Field::Unit(&mut self.unit, &UNIT),
-            Key::Sockets => Field::Small(&mut self.sockets, &SOCKETS),
-            Key::InFlight => Field::Small(&mut self.in_flight, &PIPELINE),
-            Key::Timeout => Field::Time(&mut self.timeout, &TIMEOUT),
-            Key::ConnectTimeout => Field::Time(&mut self.connect_timeout, &TIMEOUT),
-            Key::ConnectDelay => Field::Time(&mut self.connect_delay, &MINUTE),
-            Key::RequestDelay => Field::Time(&mut self.request_delay, &MINUTE),
-            Key::Idle => Field::Idle(&mut self.idle, &IDLE),
-            Key::Retries => Field::Small(&mut self.retries, &RETRIES),
-            Key::LateWindow => Field::AutoTime(&mut self.late_window, &HOUR),
-            Key::DownAfter => Field::Small(&mut self.down_after, &DOWN_AFTER),
-            Key::Proof => Field::Proofs(&mut self.proofs),
-            _ => return None,
-        })
-    }
-}
-
-impl UdpServerSettings {
-    fn field(&mut self, key: Key) -> Option<Field<'_>> {
-        Some(match key {
-            Key::Listen => Field::Listen(&mut self.listen),
-            Key::Pipeline => Field::Small(&mut self.pipeline, &PIPELINE),
-            Key::Requests => Field::Small(&mut self.requests, &REQUESTS),
-            Key::Lifetime => Field::Time(&mut self.lifetime, &LIFETIME),
-            Key::Allow => Field::Allow(&mut self.allowed),
-            _ => return None,
-        })
-    }
-}
-
-impl EthercatSettings {
-    fn field(&mut self, key: Key) -> Option<Field<'_>> {
-        Some(match key {
-            // Its keywords exist only in images with points.
-            _ if !POINTS => return None,
-            Key::Interface => Field::Interface(&mut self.interface),
-            Key::Line => Field::Line(&mut self.line),
-            Key::OnLoss => Field::OnLoss(&mut self.on_loss),
-            Key::ProveOutputs(prove) => Field::Flag(&mut self.prove_outputs, prove),
-            Key::Emergencies(sent) => Field::Flag(&mut self.emergencies, sent),
-            Key::Modules(modules) => Field::Flag(&mut self.modules, modules),
-            Key::Id => Field::Id(&mut self.id, &ID),
-            _ => return None,
-        })
     }
 }

@@ -164,7 +164,8 @@ impl<'a> Draft<'a> {
             _ => {}
         }
         let (keys, expected) = self.kind.words();
-        word.lookup(UNIT_KEYS).map_or_else(|| word.keyword(keys, expected), Ok)
+        let of_units = word.lookup(UNIT_KEYS).filter(|_| self.kind.has_units());
+        of_units.map_or_else(|| word.keyword(keys, expected), Ok)
     }
 
     /// Checks combinations after the last word: a setting that the port cannot use is refused if it is in this line, and reset if

@@ -9,15 +9,15 @@ use super::option::option;
 use super::points::PointWords;
 use super::port_keys::UNIT_KEYS;
 use super::route_words::IDENTIFICATION;
+use super::users::KEY_TYPE;
 use crate::scanner::POINTS;
 use crate::settings::{
-    AddressRange, Cut, Forbidden, Framing, Functions, LineSettings, Mdns, Merge, Parity, Policy, Port,
-    Priority, Route, SERVERS, Settings, Side, Special, StreamFraming, Tag, Time, USERS, UnitPolicy,
-    UnitRange,
+    AddressRange, Framing, Functions, LineSettings, Mdns, Merge, Parity, Policy, Port, Route, SERVERS, SSH,
+    Settings, Side, Special, StreamFraming, Tag, Time, USERS, UnitPolicy, UnitRange,
 };
 
 /// Longest baud rate and character format.
-pub const SPEED_BYTES_MAX: usize = 16;
+const SPEED_BYTES_MAX: usize = 16;
 
 /// Writes line `n` (from 0) of the settings, without line end; `None` after the last line.
 ///
@@ -43,15 +43,10 @@ pub(crate) fn write_shown_line(
     shown: Shown,
     out: &mut dyn Write,
 ) -> Option<fmt::Result> {
-    if let Some(user) = settings.users.get(n).filter(|_| USERS) {
-        return Some(match &user.password {
-            Some(password) if shown == Shown::WithSecrets => {
-                write!(out, "user {user} password \"{password}\"")
-            }
-            _ => write!(out, "user {user}"),
-        });
-    }
-    let n = n - settings.users.len();
+    let n = match write_user(settings, n, shown, out) {
+        Ok(written) => return Some(written),
+        Err(n) => n,
+    };
     let n = match &settings.network {
         Some(network) if n == 0 => return Some(write!(out, "network {network}")),
         Some(_) => n - 1,
@@ -84,6 +79,31 @@ pub(crate) fn write_shown_line(
             }
         }
     }
+}
+
+/// Users, each with the public keys behind; the number of the line behind them if `n` is none of theirs.
+fn write_user(
+    settings: &Settings,
+    mut n: usize,
+    shown: Shown,
+    out: &mut dyn Write,
+) -> Result<fmt::Result, usize> {
+    for user in settings.users.iter().filter(|_| USERS) {
+        if n == 0 {
+            return Ok(match &user.password {
+                Some(password) if shown == Shown::WithSecrets => {
+                    write!(out, "user {user} password \"{password}\"")
+                }
+                _ => write!(out, "user {user}"),
+            });
+        }
+        n -= 1;
+        if let Some(key) = user.keys.get(n).filter(|_| SSH) {
+            return Ok(write!(out, "user {} key {KEY_TYPE} {key}", user.name));
+        }
+        n -= user.keys.len();
+    }
+    Err(n)
 }
 
 /// Devices, then points, then slaves.
@@ -150,15 +170,6 @@ impl Display for Policy {
     }
 }
 
-impl Display for Forbidden {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Refuse => "refuse",
-            Self::Ignore => "ignore",
-        })
-    }
-}
-
 impl Display for Merge {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -167,16 +178,6 @@ impl Display for Merge {
             Self::Near(0) => f.write_str("adjacent"),
             Self::Near(gap) => write!(f, "near {gap}"),
         }
-    }
-}
-
-impl Display for Cut {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Auto => "auto",
-            Self::On => "on",
-            Self::Off => "off",
-        })
     }
 }
 
@@ -240,7 +241,7 @@ impl Display for Framing {
 impl Display for StreamFraming {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
-            Self::Mbap => "",
+            Self::Mbap | Self::Ssh => "",
             Self::Rtu => " rtu",
             Self::Capture => " capture",
         })
@@ -302,15 +303,5 @@ impl Display for Functions {
             separator = ",";
         }
         if self.contains_identification() { write!(f, "{separator}{IDENTIFICATION}") } else { Ok(()) }
-    }
-}
-
-impl Display for Priority {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.pad(match self {
-            Self::High => "high",
-            Self::Normal => "normal",
-            Self::Low => "low",
-        })
     }
 }

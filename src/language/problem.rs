@@ -154,6 +154,19 @@ pub(crate) enum Problem {
     /// There is no user of this name.
     #[error("there is no user of this name")]
     NoSuchUser,
+    /// No public key.
+    // Without the feature nobody has one; also below.
+    #[cfg_attr(not(feature = "ssh"), allow(dead_code))]
+    #[error("expected the key itself, which begins with AAAAC3NzaC1lZDI1NTE5AAAAI: see a file .pub")]
+    NoKey,
+    /// There is no room for another key.
+    #[cfg_attr(not(feature = "ssh"), allow(dead_code))]
+    #[error("this user has {0} keys already, the maximum")]
+    KeysFull(usize),
+    /// The user has no such key.
+    #[cfg_attr(not(feature = "ssh"), allow(dead_code))]
+    #[error("this user has no such key")]
+    NoSuchKey,
     /// The feature `users` is off.
     #[error("this board has no users: its console is local")]
     NoUsers,
@@ -190,6 +203,11 @@ pub(crate) enum Problem {
     /// Another port listens at this address.
     #[error("another port listens there")]
     ListenTaken,
+    /// There is a web interface.
+    // Images without one have no word of it.
+    #[cfg(feature = "web")]
+    #[error("there is an http server already")]
+    HttpTaken,
     /// Rules refer to the port.
     #[error("{0} {verb} this port: delete or edit first", verb = .0.verb("names", "name"))]
     PortInUse(Rules),
@@ -276,6 +294,13 @@ pub enum Warning {
         /// The server.
         port: Name,
     },
+    /// A web interface that is off.
+    // As above.
+    #[cfg(feature = "web")]
+    NobodyLogsIn {
+        /// The port.
+        port: Name,
+    },
 }
 
 impl fmt::Display for Warning {
@@ -297,6 +322,14 @@ impl fmt::Display for Warning {
             }
             Self::Circle { rule, unit, port } => {
                 write!(f, "{rule} leads unit {unit} in a circle: its requests come back by port {port}")
+            }
+            // As above.
+            #[cfg(feature = "web")]
+            Self::NobodyLogsIn { port } => {
+                write!(
+                    f,
+                    "port {port} is off until somebody can log in: user NAME role engineer, then password NAME"
+                )
             }
         }
     }

@@ -69,8 +69,7 @@ impl Display for Proof {
             Self::Diagnostic => f.write_str("diagnostic"),
             Self::None => f.write_str("none"),
             Self::Read { kind, address, count } => {
-                let name = KINDS.iter().find(|(_, known)| known == kind).map_or("", |(name, _)| name);
-                write!(f, "read {name} {address}")?;
+                write!(f, "read {kind} {address}")?;
                 if *count > 1 { write!(f, " count {count}") } else { Ok(()) }
             }
         }

@@ -17,7 +17,11 @@ impl Settings {
     /// All likely mistakes.
     pub fn warnings(&self) -> impl Iterator<Item = Warning> {
         let rules = (0..self.routes.len()).filter_map(|n| self.rule_warning(n));
-        self.ports.iter().flatten().filter_map(gap_warning).chain(rules)
+        self.ports
+            .iter()
+            .flatten()
+            .filter_map(|port| gap_warning(port).or_else(|| off(self, port)))
+            .chain(rules)
     }
 
     /// A likely mistake in the rule at index `n`.
@@ -51,7 +55,8 @@ impl Settings {
             |(_, route): &(usize, &Route)| route.source == id || route.destination == Destination::Port(id);
         let rules = self.routes.iter().enumerate().filter(names);
         let of_rules = || rules.map(|(n, _)| n).find_map(|n| self.rule_warning(n));
-        self.port(id).and_then(gap_warning).or_else(of_rules)
+        let of_port = |port| gap_warning(port).or_else(|| off(self, port));
+        self.port(id).and_then(of_port).or_else(of_rules)
     }
 }
 
@@ -62,6 +67,17 @@ fn gap_warning(port: &Port) -> Option<Warning> {
     };
     let (gap, t3_5) = (line.gap(), line.t3_5());
     (gap < t3_5).then(|| Warning::GapBelowSpecification { port: port.name.clone(), gap, t3_5 })
+}
+
+/// A warning when `port` is a web interface that nobody can log in to.
+fn off(settings: &Settings, port: &Port) -> Option<Warning> {
+    // Images without a web interface have no word of it.
+    #[cfg(feature = "web")]
+    if matches!(port.kind, PortKind::Http { .. }) && !settings.can_log_in() {
+        return Some(Warning::NobodyLogsIn { port: port.name.clone() });
+    }
+    let _ = (settings, port);
+    None
 }
 
 /// The rules above rule `n` that match all its requests; empty if its units have another meaning at its port. `None` if requests

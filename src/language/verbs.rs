@@ -8,7 +8,7 @@ use super::changes::{self, Change, option_words};
 use super::syslog;
 use super::{mdns, own_network, point_words, servers, slaves, users};
 use crate::scanner::POINTS;
-use crate::settings::{Role, SERVERS, USERS};
+use crate::settings::{Role, SERVERS, SSH, USERS};
 
 /// A verb of the language, and the `Run` that executes its lines.
 #[derive(Clone, Copy)]
@@ -105,25 +105,45 @@ const MDNS: &[Offer] = &[Offer::Each(|each| mdns::keywords().for_each(each))];
 #[cfg(feature = "users")]
 const SYSLOG: &[Offer] = &[Offer::Each(|each| syslog::keywords().for_each(each))];
 const USERS_OFFERED: &[Offer] = &[Offer::Users];
-const ROLES_OFFERED: &[Offer] = &[Offer::Words(&["role", "viewer", "operator", "engineer"])];
+const ROLES_OFFERED: &[Offer] = &[Offer::Words(if SSH {
+    &["role", "viewer", "operator", "engineer", "key", "ssh-ed25519"]
+} else {
+    &["role", "viewer", "operator", "engineer"]
+})];
 const THINGS: &[Offer] = &[Offer::Each(|each| changes::things().for_each(each))];
 
-/// A verb of the settings, which engineers change.
-const fn verb(help: &'static str, run: Change) -> Verb<Change> {
-    Verb::new(Role::Engineer, help, run)
+/// The text of a line of help, if the image has the feature: others have no word of it.
+macro_rules! help_with {
+    ($feature:literal, $name:ident: $text:literal) => {
+        #[cfg(feature = $feature)]
+        macro_rules! $name {
+            () => {
+                $text
+            };
+        }
+        // As above.
+        #[cfg(not(feature = $feature))]
+        macro_rules! $name {
+            () => {
+                ""
+            };
+        }
+    };
 }
+help_with!("web", http_help: "port NAME http server [ADDRESS:]PORT [OPTION]...\tthe web interface\n");
+help_with!("web", http_options: "  http server: allow PREFIX,...|*, cleartext: log in from other machines\n");
+help_with!("ssh", ssh_help: "port NAME ssh server [ADDRESS:]PORT [OPTION]...\tthe console by SSH\n");
 
-/// The verbs of the settings.
-pub(crate) const VERBS: Verbs<Change> = &[
-    (
-        "port",
-        verb(
-            "port NAME KIND ...\tadds a port, or replaces the one of that name
+const PORT: &str = concat!(
+    "port NAME KIND ...\tadds a port, or replaces the one of that name
 port NAME serial DEVICE rtu|ascii client|server [BAUD] [FORMAT] [OPTION]...
 port NAME tcp|udp server [ADDRESS:]PORT [OPTION]...
 port NAME tcp client ADDRESS[:PORT] [OPTION]...\tone server
 port NAME tcp client [OPTION]...\tmany servers: see help server
-port NAME scanner\tpolls the devices of data points, by the
+",
+    http_help!(),
+    ssh_help!(),
+    "port NAME scanner\tpolls the devices of data points, by the
 \trules for its name
 port NAME ethercat [OPTION]...\tthe gateway as an EtherCAT SubDevice
   serial:     19200 8E1 (ascii 7E1), gap T|auto, char-timeout T|auto,
@@ -142,16 +162,24 @@ port NAME ethercat [OPTION]...\tthe gateway as an EtherCAT SubDevice
   udp server: pipeline N, requests N, lifetime T, allow PREFIX,...|*
   servers:    broadcast|unit-255|reserved-units rules|off|local|replace N,
               broadcast all, confirm-broadcast
-  ethercat:   interface NAME (on Linux: where a MainDevice is),
+",
+    http_options!(),
+    "  ethercat:   interface NAME (on Linux: where a MainDevice is),
               line PORT, on-loss hold|clear|stop, id N|alias,
               modules|no-modules, emergencies|no-emergencies,
               prove-outputs|no-prove-outputs
   A time T has its unit: 750us, 1.75ms, 300ms, 1s, 2m.
-  port P1 serial uart1 rtu client 19200 8E1 timeout 300ms",
-            changes::port,
-        )
-        .then(PORTS, PORTS_AND_OPTIONS),
-    ),
+  port P1 serial uart1 rtu client 19200 8E1 timeout 300ms"
+);
+
+/// A verb of the settings, which engineers change.
+const fn verb(help: &'static str, run: Change) -> Verb<Change> {
+    Verb::new(Role::Engineer, help, run)
+}
+
+/// The verbs of the settings.
+pub(crate) const VERBS: Verbs<Change> = &[
+    ("port", verb(PORT, changes::port).then(PORTS, PORTS_AND_OPTIONS)),
     ("server", SERVER),
     (
         "route",
@@ -298,20 +326,24 @@ syslog off\tsends it nowhere
         )
         .then(SYSLOG, &[]),
     ),
-    (
-        "user",
-        verb(
-            "user NAME role viewer|operator|engineer\twho may log in
+    ("user", verb(USER_HELP, users::user).then(USERS_OFFERED, ROLES_OFFERED).of_users(changes::absent)),
+];
+
+const USER_HELP: &str = if SSH {
+    "user NAME role viewer|operator|engineer\twho may log in
+user NAME key ssh-ed25519 KEY\ta public key for SSH; delete user NAME key ...
+  viewer: shows; operator: also reads and writes devices; engineer: all.
+  The command password NAME sets the password; until then NAME can log in
+  with a key only.
+  The local console needs none, and its users are engineers.
+  user anna role operator"
+} else {
+    "user NAME role viewer|operator|engineer\twho may log in
   viewer: shows; operator: also reads and writes devices; engineer: all.
   The command password NAME sets the password; until then NAME cannot log in.
   The local console needs none, and its users are engineers.
-  user anna role operator",
-            users::user,
-        )
-        .then(USERS_OFFERED, ROLES_OFFERED)
-        .of_users(changes::absent),
-    ),
-];
+  user anna role operator"
+};
 
 const SERVER: Verb<Change> = match SERVERS {
     true => verb(

@@ -116,7 +116,7 @@ impl Input {
     pub(crate) fn skip_event(&self) -> Event {
         match self.framing {
             StreamFraming::Mbap => Event::Malformed,
-            StreamFraming::Rtu | StreamFraming::Capture => Event::Noise,
+            StreamFraming::Rtu | StreamFraming::Capture | StreamFraming::Ssh => Event::Noise,
         }
     }
 
@@ -164,6 +164,8 @@ fn encode<'a>(
 ) -> Result<&'a [u8], PduLength> {
     match framing {
         StreamFraming::Mbap => tcp::encode(header, response, out),
-        StreamFraming::Rtu | StreamFraming::Capture => rtu::encode(header.unit, response, out),
+        StreamFraming::Rtu | StreamFraming::Capture | StreamFraming::Ssh => {
+            rtu::encode(header.unit, response, out)
+        }
     }
 }

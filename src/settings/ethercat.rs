@@ -5,7 +5,7 @@ use heapless::String;
 use crate::settings::Name;
 
 /// Longest name of a network interface on Linux (IFNAMSIZ, less the terminating zero).
-pub const INTERFACE_BYTES_MAX: usize = 15;
+pub(crate) const INTERFACE_BYTES_MAX: usize = 15;
 
 /// The name of a network interface: `eth1`.
 pub type InterfaceName = String<INTERFACE_BYTES_MAX>;

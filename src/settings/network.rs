@@ -5,7 +5,7 @@ use core::net::IpAddr;
 use embassy_time::Duration;
 use heapless::Vec;
 
-use crate::settings::{Allowed, Prefixes, Proofs, SOCKETS_MAX, ServerAddress};
+use crate::settings::{Allowed, Prefixes, Proofs, SOCKETS_MAX, SSH, ServerAddress};
 
 /// TCP port number of Modbus (Messaging on TCP/IP 4.3.1.1).
 pub const MODBUS_TCP_PORT: u16 = 502;
@@ -37,6 +37,8 @@ pub enum StreamFraming {
     Rtu,
     /// The frames of all ports as a PCAPNG stream, and no requests. Servers only.
     Capture,
+    /// The console by SSH, and no requests. Servers only.
+    Ssh,
 }
 
 /// Requests in flight at one UDP server.
@@ -45,12 +47,15 @@ pub const UDP_REQUESTS_MAX: usize = 32;
 /// Default number of clients of a TCP server: the board's number of connections.
 pub(super) const CLIENTS_DEFAULT: u16 = if cfg!(feature = "eight-clients") { 8 } else { 16 };
 
+/// Default number of clients of an SSH server: sessions, and as many who log in.
+const SSH_CLIENTS: u16 = 16;
+
 /// A listener for Modbus TCP clients.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct TcpServerSettings {
     /// Where it listens.
     pub listen: TcpListen,
-    /// Modbus TCP, RTU over TCP, or a capture.
+    /// Modbus TCP, RTU over TCP, a capture, or SSH.
     pub framing: StreamFraming,
     /// Simultaneous connections; one for a capture unless set. One more is accepted briefly, to decide which is closed.
     pub clients: u16,
@@ -88,11 +93,22 @@ impl TcpServerSettings {
         }
     }
 
+    /// An SSH server at `listen` with the defaults: 16 clients.
+    pub(crate) fn ssh(listen: TcpListen) -> Self {
+        Self { listen, framing: StreamFraming::Ssh, clients: SSH_CLIENTS, ..Self::new(listen.port) }
+    }
+
+    /// Whether it is an SSH server.
+    pub(crate) const fn is_ssh(&self) -> bool {
+        SSH && matches!(self.framing, StreamFraming::Ssh)
+    }
+
     /// The default number of clients.
     pub(crate) const fn clients_of(&self, framing: StreamFraming) -> u16 {
         match framing {
             StreamFraming::Mbap | StreamFraming::Rtu => CLIENTS_DEFAULT,
             StreamFraming::Capture => 1,
+            StreamFraming::Ssh => SSH_CLIENTS,
         }
     }
 }

@@ -1,7 +1,11 @@
 //! A port: its name, its kind, and the meaning of special unit ids.
 
+// As the variant.
+#[cfg(feature = "web")]
+use crate::settings::Allowed;
 use crate::settings::{
-    EthercatSettings, Name, SerialSettings, Side, TcpClientSettings, TcpServerSettings, UdpServerSettings,
+    EthercatSettings, Name, SerialSettings, Side, TcpClientSettings, TcpListen, TcpServerSettings,
+    UdpServerSettings,
 };
 
 /// One port.
@@ -76,6 +80,17 @@ pub enum PortKind {
     Scanner,
     /// Polls the devices of the EtherCAT process image.
     Ethercat(EthercatSettings),
+    /// The web interface.
+    // Images without it have no word of it.
+    #[cfg(feature = "web")]
+    Http {
+        /// Where it listens.
+        listen: TcpListen,
+        /// Peers that may connect; others are disconnected at once.
+        allowed: Allowed,
+        /// Whether users may log in from other machines without encryption.
+        cleartext: bool,
+    },
 }
 
 impl PortKind {
@@ -83,8 +98,8 @@ impl PortKind {
     pub const fn side(&self) -> Side {
         match self {
             Self::Serial(settings) => settings.side,
-            Self::TcpServer(_) | Self::UdpServer(_) | Self::Scanner | Self::Ethercat(_) => Side::Server,
             Self::TcpClient(_) => Side::Client,
+            _ => Side::Server,
         }
     }
 
@@ -102,9 +117,29 @@ impl PortKind {
     pub(crate) fn connections(&self) -> usize {
         match self {
             Self::TcpServer(server) => usize::from(server.clients) + 1,
-            Self::Serial(_) | Self::TcpClient(_) | Self::UdpServer(_) | Self::Scanner | Self::Ethercat(_) => {
-                0
-            }
+            _ => 0,
+        }
+    }
+
+    /// Where it listens for TCP connections, if it does.
+    pub(crate) const fn tcp_listen(&self) -> Option<&TcpListen> {
+        match self {
+            Self::TcpServer(server) => Some(&server.listen),
+            // As the variant.
+            #[cfg(feature = "web")]
+            Self::Http { listen, .. } => Some(listen),
+            _ => None,
+        }
+    }
+
+    /// Whether its clients send requests to units.
+    pub(crate) const fn has_units(&self) -> bool {
+        match self {
+            // As the variant.
+            #[cfg(feature = "web")]
+            Self::Http { .. } => false,
+            Self::TcpServer(server) => !server.is_ssh(),
+            _ => true,
         }
     }
 }

@@ -4,7 +4,7 @@ use crate::scanner::Kind;
 use crate::settings::UnitRange;
 
 /// Unit ranges of a port with their own proof.
-pub const PROOFS_MAX: usize = if cfg!(feature = "small") { 2 } else { 4 };
+pub(crate) const PROOFS_MAX: usize = if cfg!(feature = "small") { 2 } else { 4 };
 
 /// The request sent to a unit whose responses could otherwise be confused.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

@@ -16,6 +16,18 @@ pub(crate) const PASSWORD_HASH_BYTES_MAX: usize = 128;
 /// A password's hash as a PHC string: `$argon2id$v=19$m=19456,t=2,p=1$SALT$HASH`.
 pub type PasswordHash = String<PASSWORD_HASH_BYTES_MAX>;
 
+/// Whether there are SSH servers, and users have public keys. The core has no SSH: the board speaks it.
+pub(crate) const SSH: bool = cfg!(feature = "ssh");
+
+/// Public keys of a user.
+pub(crate) const USER_KEYS_MAX: usize = if SSH { 8 } else { 0 };
+
+/// Bytes of a public key's text: base64 of 51 bytes (RFC 8709, 4).
+pub(crate) const PUBLIC_KEY_BYTES: usize = 68;
+
+/// A public key of Ed25519 as OpenSSH writes it, without the name of its type: `AAAAC3NzaC1lZDI1NTE5AAAAI...`.
+pub(crate) type PublicKey = String<PUBLIC_KEY_BYTES>;
+
 /// What a user may do; each role may do what those before it may.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Role {
@@ -32,8 +44,9 @@ pub(crate) enum Role {
 pub(crate) struct User {
     pub(crate) name: Name,
     pub(crate) role: Role,
-    /// Without one the user cannot log in.
     pub(crate) password: Option<PasswordHash>,
+    /// Without any, and without a password, the user cannot log in.
+    pub(crate) keys: Vec<PublicKey, USER_KEYS_MAX>,
 }
 
 /// All users.

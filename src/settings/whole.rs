@@ -127,6 +127,13 @@ impl Settings {
         self.users.iter_mut().find(|user| user.name == name)
     }
 
+    /// Whether there is a user with a password.
+    // Without users nothing calls it.
+    #[cfg_attr(not(feature = "users"), allow(dead_code))]
+    pub(crate) fn can_log_in(&self) -> bool {
+        self.users.iter().any(|user| user.password.is_some())
+    }
+
     /// A destination as named in rules.
     pub fn destination(&self, destination: Destination) -> &str {
         match destination {

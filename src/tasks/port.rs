@@ -100,9 +100,8 @@ async fn play<H: SerialHost, C: TcpConnect>(
         Some(PortKind::TcpClient(settings)) => {
             outlined(pin!(client::tcp::run(dispatcher, settings, connector))).await;
         }
-        // Served by connection tasks, or no port.
-        Some(PortKind::TcpServer(_) | PortKind::UdpServer(_) | PortKind::Scanner | PortKind::Ethercat(_))
-        | None => {
+        // Served by other tasks, or no port.
+        _ => {
             dispatcher.close();
             core::future::pending().await
         }

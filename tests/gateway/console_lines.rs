@@ -80,6 +80,8 @@ const LINES_GOOD: &[&str] = &[
     "commit",
     "commit confirmed 10s",
     "rollback",
+    "rollback 1",
+    "versions",
     "discard",
     "reboot",
 ];
@@ -141,7 +143,7 @@ fn line(random: &mut Random) -> Vec<u8> {
 struct Typist<'g> {
     gateway: &'g Gateway<'g>,
     random: Random,
-    mode: Mode,
+    mode: Mode<'static>,
     lines: usize,
     /// What is left of the line that is typed, and all of it.
     rest: Vec<u8>,
@@ -203,7 +205,7 @@ impl Write for Typist<'_> {
 }
 
 /// Types as many lines of `seed` in `mode`; gives how many changed the settings, and how many were refused.
-fn type_lines(seed: u64, mode: Mode) -> (usize, usize) {
+fn type_lines(seed: u64, mode: Mode<'static>) -> (usize, usize) {
     rig::with_gateway(seed, SETTINGS, |world: &mut World<'_>, rig| {
         rig.attach(world, "uart1", [Device::new(5)]);
         let mut typist = Typist {

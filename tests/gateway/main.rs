@@ -11,6 +11,7 @@ mod capture;
 mod closing_server;
 mod console_lines;
 mod cut_answers;
+mod cut_off;
 mod cut_through;
 mod cut_timing;
 mod cut_torture;

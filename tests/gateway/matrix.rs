@@ -2,7 +2,6 @@
 //! outcome, and the request behind it its own response.
 
 use mobgate_simulator::client::frame;
-use mobgate_simulator::client::rtu::RtuClient;
 use mobgate_simulator::device::Memory;
 use mobgate_simulator::net::UdpClient;
 
@@ -162,8 +161,7 @@ fn play(way_in: In, out: Out, fault: Option<Fault>) -> usize {
 
 /// Who asks.
 pub(crate) enum Requester {
-    Tcp(Client),
-    Rtu(RtuClient),
+    Stream(Client),
     Udp(UdpClient, u16),
     Line(Master),
 }
@@ -172,8 +170,8 @@ impl Requester {
     fn new(way_in: In, rig: &Rig<'_>) -> Self {
         let connect = |port| rig.network.connect(machine(1), port).unwrap();
         match way_in {
-            In::Tcp => Self::Tcp(Client::new(connect(502))),
-            In::Rtu => Self::Rtu(RtuClient::new(connect(5_000))),
+            In::Tcp => Self::Stream(Client::new(connect(502))),
+            In::Rtu => Self::Stream(Client::rtu(connect(5_000))),
             In::Udp => Self::Udp(rig.network.udp_client(machine(1), 5_020), 0),
             In::RtuLine | In::AsciiLine => Self::Line(rig.master("up")),
         }
@@ -181,8 +179,7 @@ impl Requester {
 
     pub(crate) fn ask(&mut self, world: &mut World<'_>, pdu: &[u8]) -> Answer {
         match self {
-            Self::Tcp(client) => world.run_until(client.request(UNIT, pdu)),
-            Self::Rtu(client) => world.run_until(client.request(UNIT, pdu)),
+            Self::Stream(client) => world.run_until(client.request(UNIT, pdu)),
             Self::Line(master) => world.run_until(master.request(UNIT, pdu)),
             Self::Udp(client, transaction) => {
                 *transaction += 1;

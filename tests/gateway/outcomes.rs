@@ -98,7 +98,7 @@ fn all_outcomes(server: &str, client: &str, cut: bool) {
         let device = Device::new(UNIT);
         rig.attach(world, "down", [device.clone()]);
         let mut requester = match server.starts_with("tcp") {
-            true => Requester::Tcp(rig.client(machine(1), 502)),
+            true => Requester::Stream(rig.client(machine(1), 502)),
             false => Requester::Line(rig.master("up")),
         };
         let framing = rig.framing("down");

@@ -4,7 +4,7 @@
 //! carried out twice, there are never more connections than allowed, and every frame is back in the pool at the end.
 
 use crate::prelude::*;
-use crate::visitors::{FRESH, Visits, draw_path, draw_words, wrote_once};
+use crate::visitors::{Visits, draw_device, draw_path, draw_words, wrote_once};
 
 /// Worlds of a plain `cargo test`.
 const SEEDS: u64 = 200;
@@ -51,7 +51,8 @@ fn live(seed: u64, share: &Share) {
         board.into_iter().for_each(|board| rig.network.set_sockets(board as usize));
         let mut devices = Vec::new();
         for n in 1..=count {
-            let pair = [10 * n, 10 * n + 1].map(|unit| draw_device(&mut random, unit, rtu));
+            let pair = [10 * n, 10 * n + 1]
+                .map(|unit| draw_device(&mut random, unit, (3, 30), |random| draw_fault(random, rtu)));
             rig.network.set_path(address(n), draw_path(&mut random, 3_000, 100));
             rig.attach_at(world, &address(n).to_string(), rtu, pair.clone());
             devices.extend(pair);
@@ -82,31 +83,25 @@ fn live(seed: u64, share: &Share) {
     });
 }
 
-fn draw_device(random: &mut Random, unit: u8, rtu: bool) -> Device {
-    let mut faults = Faults::new(random.bits());
-    for _ in 0..random.index(3) {
-        let late = Fault::draw_late(random);
-        let common = [
-            Fault::Dead,
-            Fault::Unheard,
-            late,
-            late,
-            Fault::Exception(6),
-            Fault::Close,
-            Fault::Reset,
-            Fault::Half,
-        ];
-        let fault = match random.index(12) {
-            nth @ 0..8 => common[nth],
-            8 if rtu => Fault::BadCrc,
-            9 if rtu => Fault::NoiseBefore(3),
-            8 => Fault::WrongTransaction,
-            9 => Fault::Twice(Duration::from_millis(3)),
-            10 => Fault::WrongFunction,
-            _ => Fault::WrongLength,
-        };
-        faults = faults.with(When::Chance(random.index(30) as f64 / 100.0), fault);
+fn draw_fault(random: &mut Random, rtu: bool) -> Fault {
+    let late = Fault::draw_late(random);
+    let common = [
+        Fault::Dead,
+        Fault::Unheard,
+        late,
+        late,
+        Fault::Exception(6),
+        Fault::Close,
+        Fault::Reset,
+        Fault::Half,
+    ];
+    match random.index(12) {
+        nth @ 0..8 => common[nth],
+        8 if rtu => Fault::BadCrc,
+        9 if rtu => Fault::NoiseBefore(3),
+        8 => Fault::WrongTransaction,
+        9 => Fault::Twice(Duration::from_millis(3)),
+        10 => Fault::WrongFunction,
+        _ => Fault::WrongLength,
     }
-    let turnaround = Duration::from_micros(random.within(0..=20_000));
-    Device::new(unit).with_fresh(FRESH).with_turnaround(turnaround).with_faults(faults)
 }

@@ -1,7 +1,6 @@
 //! RTU over TCP and Modbus UDP, on the side of the clients.
 
 use mobgate_simulator::client::frame;
-use mobgate_simulator::client::rtu::RtuClient;
 use mobgate_simulator::net::Weather;
 
 use crate::prelude::*;
@@ -24,8 +23,8 @@ fn with_devices(scenario: impl for<'w> FnOnce(&mut World<'w>, &Rig<'w>, &Device)
     });
 }
 
-fn rtu_client(rig: &Rig<'_>) -> RtuClient {
-    RtuClient::new(rig.network.connect(machine(1), 5_000).unwrap()).with_patience(SECOND)
+fn rtu_client(rig: &Rig<'_>) -> Client {
+    Client::rtu(rig.network.connect(machine(1), 5_000).unwrap()).with_patience(SECOND)
 }
 
 #[test]
@@ -34,12 +33,12 @@ fn rtu_requests_in_pieces_or_in_a_row_are_answered_in_order() {
         with_devices(|world, rig, _| {
             let path = Path { piece_bytes_max: Some(piece), piece_spacing: 5 * MS, ..Path::default() };
             let stream = rig.network.connect_over(path, machine(1), 5_000).unwrap();
-            let mut client = RtuClient::new(stream).with_patience(SECOND);
+            let mut client = Client::rtu(stream).with_patience(SECOND);
             let requests: Vec<u8> = [READ, WRITE, READ].iter().flat_map(|pdu| rtu::frame(5, pdu)).collect();
             assert!(world.run_until(client.send_bytes(&requests)));
-            assert_eq!(world.run_until(client.answer(5, &READ)), value(5));
-            assert_eq!(world.run_until(client.answer(5, &WRITE)), Answer::Pdu(WRITE.to_vec()));
-            assert_eq!(world.run_until(client.answer(5, &READ)), value(5));
+            assert_eq!(world.run_until(client.answer(0, 5, &READ)), value(5));
+            assert_eq!(world.run_until(client.answer(0, 5, &WRITE)), Answer::Pdu(WRITE.to_vec()));
+            assert_eq!(world.run_until(client.answer(0, 5, &READ)), value(5));
         });
     }
 }

@@ -4,7 +4,7 @@
 //! carried out twice, and every frame is back in the pool at the end.
 
 use crate::prelude::*;
-use crate::visitors::{FRESH, Visits, draw_path, draw_words, wrote_once};
+use crate::visitors::{Visits, draw_device, draw_path, draw_words, wrote_once};
 
 /// Worlds of a plain `cargo test`.
 const SEEDS: u64 = 300;
@@ -29,8 +29,9 @@ fn live(seed: u64, share: &Share) {
     );
     with_gateway(seed, &settings, |world, rig| {
         let strays = random.chance(0.25);
-        let devices: Vec<Device> =
-            (1..=DEVICES).map(|unit| draw_device(&mut random, unit, rtu, strays)).collect();
+        let devices: Vec<Device> = (1..=DEVICES)
+            .map(|unit| draw_device(&mut random, unit, (4, 30), |random| draw_fault(random, rtu, strays)))
+            .collect();
         rig.network.set_path(SERVER.parse().unwrap(), draw_path(&mut random, 3_000, 100));
         rig.attach_at(world, SERVER, rtu, devices.clone());
         let target = |random: &mut Random| {
@@ -45,47 +46,33 @@ fn live(seed: u64, share: &Share) {
 }
 
 /// By RTU, answers go astray or are late without a bound: a stray one is the late one of another for all that anybody can tell.
-fn draw_device(random: &mut Random, unit: u8, rtu: bool, strays: bool) -> Device {
-    let mut faults = Faults::new(random.bits());
-    for _ in 0..random.index(4) {
-        let late = if rtu && strays { Fault::WrongUnit } else { Fault::draw_late(random) };
-        let common = [
-            Fault::Dead,
-            Fault::Unheard,
-            late,
-            late,
-            Fault::WrongFunction,
-            Fault::WrongLength,
-            Fault::Exception(6),
-            Fault::Close,
-            Fault::Reset,
+fn draw_fault(random: &mut Random, rtu: bool, strays: bool) -> Fault {
+    let late = if rtu && strays { Fault::WrongUnit } else { Fault::draw_late(random) };
+    let common = [
+        Fault::Dead,
+        Fault::Unheard,
+        late,
+        late,
+        Fault::WrongFunction,
+        Fault::WrongLength,
+        Fault::Exception(6),
+        Fault::Close,
+        Fault::Reset,
+        Fault::Half,
+    ];
+    // MBAP has no checksum: what is damaged there, TCP has let through, and nobody can tell.
+    let only = match rtu {
+        true => {
+            [Fault::BadCrc, Fault::FlippedBit, Fault::LostByte, Fault::NoiseBefore(3), Fault::NoiseAfter(3)]
+        }
+        false => [
+            Fault::WrongTransaction,
+            Fault::WrongUnit,
             Fault::Half,
-        ];
-        // MBAP has no checksum: what is damaged there, TCP has let through, and nobody can tell.
-        let only = match rtu {
-            true => [
-                Fault::BadCrc,
-                Fault::FlippedBit,
-                Fault::LostByte,
-                Fault::NoiseBefore(3),
-                Fault::NoiseAfter(3),
-            ],
-            false => [
-                Fault::WrongTransaction,
-                Fault::WrongUnit,
-                Fault::Half,
-                Fault::Twice(Duration::from_millis(3)),
-                late,
-            ],
-        };
-        let faults_all = [&common[..], &only[..]].concat();
-        let fault = faults_all[random.index(faults_all.len())];
-        faults = faults.with(When::Chance(random.index(30) as f64 / 100.0), fault);
-    }
-    // Many devices refuse diagnostics.
-    if random.chance(0.3) {
-        faults = faults.with(When::Function(8), Fault::Exception(1));
-    }
-    let turnaround = Duration::from_micros(random.within(0..=20_000));
-    Device::new(unit).with_fresh(FRESH).with_turnaround(turnaround).with_faults(faults)
+            Fault::Twice(Duration::from_millis(3)),
+            late,
+        ],
+    };
+    let all = [&common[..], &only[..]].concat();
+    all[random.index(all.len())]
 }

@@ -4,7 +4,7 @@
 //! back in the pool at the end, and the gateway never speaks before the line was silent for t3.5.
 
 use crate::prelude::*;
-use crate::visitors::{Request, Visitor, assert_good, draw_path, exception};
+use crate::visitors::{FRESH, Request, Visitor, assert_good, draw_device, draw_path, exception};
 
 /// Worlds of a plain `cargo test`.
 const SEEDS: u64 = 300;
@@ -13,7 +13,6 @@ const GOOD_MIN: f64 = 70.0;
 const BAUDS: [u32; 4] = [4_800, 9_600, 19_200, 115_200];
 /// Devices 1 to this on each line; two more ids are asked for and belong to nobody.
 const DEVICES: u8 = 4;
-const FRESH: u16 = 100;
 /// Units of the second line as clients write them: 100 higher.
 const TAG: u8 = 100;
 /// How old a response for the units of the second line may be on port 503.
@@ -83,19 +82,7 @@ fn live(seed: u64, share: &Share) {
 fn connect_devices<'w>(world: &World<'w>, rig: &Rig<'w>, line: &str, random: &mut Random) {
     let strays = random.chance(0.25);
     let devices: Vec<Device> = (1..=DEVICES)
-        .map(|unit| {
-            let mut faults = Faults::new(random.bits());
-            for _ in 0..random.index(3) {
-                let fault = draw_fault(random, strays);
-                faults = faults.with(When::Chance(random.index(40) as f64 / 100.0), fault);
-            }
-            // Many devices refuse diagnostics.
-            if random.chance(0.3) {
-                faults = faults.with(When::Function(8), Fault::Exception(1));
-            }
-            let turnaround = Duration::from_micros(random.within(0..=20_000));
-            Device::new(unit).with_fresh(FRESH).with_turnaround(turnaround).with_faults(faults)
-        })
+        .map(|unit| draw_device(random, unit, (3, 40), |random| draw_fault(random, strays)))
         .collect();
     rig.attach(world, line, devices);
 }

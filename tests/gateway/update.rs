@@ -95,11 +95,10 @@ fn image(length: usize) -> Vec<u8> {
 #[test]
 fn a_file_is_taken_its_version_is_shown_and_the_gateway_starts_again() {
     for (long, with_length) in [(true, true), (false, true), (true, false)] {
-        let (mut firmware, board) = (Firmware::default(), Board::default());
-        let kept = firmware.clone();
-        kept.set_pace(Duration::from_millis(30));
+        let (firmware, board) = (Firmware::default(), Board::default());
+        firmware.set_pace(Duration::from_millis(30));
         let file = image(5000);
-        at_console(1, TERMINAL, (&mut firmware, &board), async |mut sender| {
+        at_console(1, TERMINAL, (&mut firmware.clone(), &board), async |mut sender| {
             let begun = begin(&mut sender).await;
             assert!(begun.ends_with("update\r\n"), "nothing that a sender may take for an answer: {begun:?}");
             assert_eq!(sender.send(&file, long, with_length).await, Ok(()));
@@ -110,11 +109,11 @@ fn a_file_is_taken_its_version_is_shown_and_the_gateway_starts_again() {
             );
             assert_eq!(board.restarts.get(), 1);
         });
-        let [taken] = &kept.taken()[..] else { panic!("one file") };
+        let [taken] = &firmware.taken()[..] else { panic!("one file") };
         assert_eq!(taken[..5000], file);
         // Without a length the last block's padding is left to who knows the image.
         assert_eq!(taken.len(), if with_length { 5000 } else { 5120 });
-        assert_eq!(kept.announced(), (with_length.then_some(5000), false));
+        assert_eq!(firmware.announced(), (with_length.then_some(5000), false));
     }
 }
 
@@ -122,18 +121,17 @@ fn a_file_is_taken_its_version_is_shown_and_the_gateway_starts_again() {
 fn lost_cut_and_damaged_blocks_and_answers_make_it_slower_and_nothing_else() {
     each_seed(30, |seed| {
         let mut random = Random::new(seed);
-        let (mut firmware, board) = (Firmware::default(), Board::default());
-        let kept = firmware.clone();
+        let (firmware, board) = (Firmware::default(), Board::default());
         let file = image(random.index(20_000));
         let long = random.chance(0.7);
         let weather = Weather { damaged: 0.1, lost: 0.05, cut: 0.05, deaf: 0.05 };
-        at_console(seed, TERMINAL, (&mut firmware, &board), async |mut sender| {
+        at_console(seed, TERMINAL, (&mut firmware.clone(), &board), async |mut sender| {
             begin(&mut sender).await;
             sender.weather = weather;
             assert_eq!(sender.send(&file, long, true).await, Ok(()), "seed {seed}");
             assert!(sender.read_for(3 * SECOND).await.contains("9.8.7"), "seed {seed}");
         });
-        assert_eq!(kept.taken(), [file], "seed {seed}");
+        assert_eq!(firmware.taken(), [file], "seed {seed}");
         assert_eq!(board.restarts.get(), 1);
     });
 }
@@ -148,10 +146,9 @@ fn what_is_refused_ends_at_the_sender_too_and_the_console_goes_on() {
         (usize::MAX, UpdateError::Truncated, "the image is incomplete"),
     ];
     for (bytes, why, text) in reasons {
-        let (mut firmware, board) = (Firmware::default(), Board::default());
-        let kept = firmware.clone();
-        kept.refuse(bytes, why);
-        at_console(1, TERMINAL, (&mut firmware, &board), async |mut sender| {
+        let (firmware, board) = (Firmware::default(), Board::default());
+        firmware.refuse(bytes, why);
+        at_console(1, TERMINAL, (&mut firmware.clone(), &board), async |mut sender| {
             begin(&mut sender).await;
             assert_eq!(sender.send(&image(5000), true, true).await, Err(NotSent::Cancelled), "{why:?}");
             let shown = sender.read_for(3 * SECOND).await;
@@ -160,7 +157,7 @@ fn what_is_refused_ends_at_the_sender_too_and_the_console_goes_on() {
             sender.type_in("show version\r").await;
             assert!(sender.read_for(SECOND).await.contains("on board, up"));
         });
-        assert_eq!((kept.taken().len(), kept.unfinished(), board.restarts.get()), (0, None, 0));
+        assert_eq!((firmware.taken().len(), firmware.unfinished(), board.restarts.get()), (0, None, 0));
     }
 }
 
@@ -172,9 +169,8 @@ fn who_sends_nothing_or_cancels_or_breaks_off_gets_the_console_back() {
         (2, 65, "error: the transfer broke off"),
         (3, 3, "error: cancelled"),
     ] {
-        let (mut firmware, board) = (Firmware::default(), Board::default());
-        let kept = firmware.clone();
-        at_console(1, TERMINAL, (&mut firmware, &board), async |mut sender| {
+        let (firmware, board) = (Firmware::default(), Board::default());
+        at_console(1, TERMINAL, (&mut firmware.clone(), &board), async |mut sender| {
             begin(&mut sender).await;
             let begun = Instant::now();
             match case {
@@ -195,16 +191,19 @@ fn who_sends_nothing_or_cancels_or_breaks_off_gets_the_console_back() {
             sender.type_in("show version\r").await;
             assert!(sender.read_for(SECOND).await.contains("on board, up"));
         });
-        assert_eq!((kept.taken().len(), kept.unfinished(), board.restarts.get()), (0, None, 0), "{case}");
+        assert_eq!(
+            (firmware.taken().len(), firmware.unfinished(), board.restarts.get()),
+            (0, None, 0),
+            "{case}"
+        );
     }
 }
 
 #[test]
 fn older_firmware_is_allowed_by_a_word_and_at_the_gateway_only() {
-    for (mode, allowed) in [(Mode::Echo, true), (Mode::Network(machine(1)), false)] {
-        let (mut firmware, board) = (Firmware::default(), Board::default());
-        let kept = firmware.clone();
-        at_console(1, (USB, mode), (&mut firmware, &board), async |mut sender| {
+    for (mode, allowed) in [(Mode::Echo, true), (Mode::Network(machine(1), None), false)] {
+        let (firmware, board) = (Firmware::default(), Board::default());
+        at_console(1, (USB, mode), (&mut firmware.clone(), &board), async |mut sender| {
             sender.type_in(if allowed { "update older\r" } else { "anna\nlet me in\nupdate older\n" }).await;
             if allowed {
                 sender.read_for(150 * MS).await;
@@ -214,7 +213,7 @@ fn older_firmware_is_allowed_by_a_word_and_at_the_gateway_only() {
                 assert!(shown.contains("at the gateway's own terminal only"), "{shown:?}");
             }
         });
-        assert_eq!(kept.announced(), (allowed.then_some(500), allowed));
+        assert_eq!(firmware.announced(), (allowed.then_some(500), allowed));
     }
 }
 

@@ -167,6 +167,26 @@ pub(crate) fn draw_path(random: &mut Random, latency_us: u64, spacing_us: u64) -
     }
 }
 
+/// A device with fewer faults than `count`, each at less than `percent` of the requests.
+pub(crate) fn draw_device(
+    random: &mut Random,
+    unit: u8,
+    (count, percent): (usize, usize),
+    fault: impl Fn(&mut Random) -> Fault,
+) -> Device {
+    let mut faults = Faults::new(random.bits());
+    for _ in 0..random.index(count) {
+        let fault = fault(random);
+        faults = faults.with(When::Chance(random.index(percent) as f64 / 100.0), fault);
+    }
+    // Many devices refuse diagnostics.
+    if random.chance(0.3) {
+        faults = faults.with(When::Function(8), Fault::Exception(1));
+    }
+    let turnaround = Duration::from_micros(random.within(0..=20_000));
+    Device::new(unit).with_fresh(FRESH).with_turnaround(turnaround).with_faults(faults)
+}
+
 struct Asker<T> {
     visits: Visits<T>,
     host: u8,

@@ -12,8 +12,8 @@ pub(crate) const FLOORS: &[&[&str]] = &[
     &["hal", "frame", "stats", "capture", "gateway"],
     // One role each.
     &["port"],
-    // People.
-    &["console"],
+    // People, and systems that look at the gateway and change it.
+    &["console", "web"],
     // The futures that a board runs.
     &["tasks"],
 ];

@@ -13,18 +13,10 @@ pub(crate) fn all(seconds: u64, targets: &[String]) -> Outcome {
 
 fn one(seconds: u64, target: &str) -> Outcome {
     // The core is free of `unsafe`, so a sanitizer would only slow it down; overflow and range checks stay on.
-    let options = [
-        "--fuzz-dir",
-        "tests/fuzz",
-        "--target-dir",
-        "target/fuzz",
-        "--sanitizer",
-        "none",
-        "--debug-assertions",
-    ];
+    let options = "--fuzz-dir tests/fuzz --target-dir target/fuzz --sanitizer none --debug-assertions";
     let mut cargo = command("cargo", &["fuzz", "run"]);
     // cargo-fuzz passes unstable options.
-    cargo.args(options).arg(target).env("RUSTC_BOOTSTRAP", "1");
+    cargo.args(options.split(' ')).arg(target).env("RUSTC_BOOTSTRAP", "1");
     let again = line(&cargo);
     cargo.args(["--", "-print_final_stats=1"]).arg(format!("-max_total_time={seconds}"));
     let output = cargo.output().map_err(|error| format!("{again}: {error}"))?;

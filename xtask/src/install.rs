@@ -54,71 +54,47 @@ struct Need {
 
 const DEBIAN_RUST: By = By::Apt(&["rustc-web", "cargo-web", "rust-web-src", "rust-web-clippy", "lld"]);
 
-const NEEDS: [Need; 31] = [
+const NEEDS: [Need; 32] = [
     by_apt(Group::Peers, "mbpoll", &["mbpoll"]),
     by_apt(Group::Package, "mbpoll", &["mbpoll"]),
+    by_apt(Group::Peers, "ssh", &["openssh-client"]),
     by_apt(Group::Peers, "socat", &["socat"]),
     by_apt(Group::Peers, "tshark", &["tshark"]),
     by_apt(Group::Peers, "ip", &["iproute2"]),
     // soemx is built from source, with libpcap.
     by_apt(Group::Peers, "gcc", &["gcc", "libc6-dev"]),
-    Need {
-        group: Group::Peers,
-        name: "pcap.h",
-        by: By::Apt(&["libpcap-dev"]),
-        found: |_| Path::new("/usr/include/pcap/pcap.h").exists(),
-    },
-    Need {
-        group: Group::Peers,
-        name: "python3 with venv",
-        by: By::Apt(&["python3-venv"]),
-        found: |_| succeeds(&mut command("python3", &["-c", "import ensurepip, venv"])),
-    },
+    need(Group::Peers, "pcap.h", By::Apt(&["libpcap-dev"]), |_| {
+        Path::new("/usr/include/pcap/pcap.h").exists()
+    }),
+    need(Group::Peers, "python3 with venv", By::Apt(&["python3-venv"]), |_| {
+        succeeds(&mut command("python3", &["-c", "import ensurepip, venv"]))
+    }),
     by_apt(Group::Peers, "npm", &["npm"]),
-    Need {
-        group: Group::Peers,
-        name: "pymodbus, zeroconf, pysoem, soemx, KickCAT, ethercat-mcp in target/python",
-        by: By::Own(python),
-        found: |_| is_installed(REQUIREMENTS, "target/python"),
-    },
-    Need {
-        group: Group::Peers,
-        name: "modbus-serial in target/node",
-        by: By::Own(node),
-        found: |_| is_installed(PACKAGES, "target/node"),
-    },
-    Need {
-        group: Group::Thumb,
-        name: "a compiler for a Cortex-M",
-        by: DEBIAN_RUST,
-        found: |_| board::has_toolchain(),
-    },
+    need(
+        Group::Peers,
+        "pymodbus, zeroconf, pysoem, soemx, KickCAT, ethercat-mcp in target/python",
+        By::Own(python),
+        |_| is_installed(REQUIREMENTS, "target/python"),
+    ),
+    need(Group::Peers, "modbus-serial in target/node", By::Own(node), |_| {
+        is_installed(PACKAGES, "target/node")
+    }),
+    need(Group::Thumb, "a compiler for a Cortex-M", DEBIAN_RUST, |_| board::has_toolchain()),
     // Debian 12 has 7.2, which is too old for the tests.
-    Need {
-        group: Group::Qemu,
-        name: "qemu-system-arm of version 8 or later",
-        by: By::Own(qemu),
-        found: |_| qemu_version().is_some_and(|version| version >= 8),
-    },
+    need(Group::Qemu, "qemu-system-arm of version 8 or later", By::Own(qemu), |_| {
+        qemu_version().is_some_and(|version| version >= 8)
+    }),
     by_apt(Group::Stm32, "cmake", &["cmake"]),
     by_apt(Group::Stm32, "cc", &["gcc", "libc6-dev", "make"]),
-    Need { group: Group::Stm32, name: "libclang", by: By::Apt(&["libclang-dev"]), found: |_| has_libclang() },
+    need(Group::Stm32, "libclang", By::Apt(&["libclang-dev"]), |_| has_libclang()),
     by_apt(Group::Stm32, "sb", &["lrzsz"]),
     by_apt(Group::Rp2040, "npm", &["npm"]),
     by_apt(Group::Rp2040, "python3", &["python3"]),
     by_apt(Group::Rp2040, "ip", &["iproute2"]),
-    Need {
-        group: Group::Rp2040,
-        name: "rp2040js and modbus-serial in tests/rp2040",
-        by: By::Own(rp2040),
-        found: |_| is_installed(RP2040_PACKAGES, RP2040_FOLDER),
-    },
-    Need {
-        group: Group::Arm,
-        name: "Debian's Rust with sources",
-        by: DEBIAN_RUST,
-        found: |_| board::has_sources(),
-    },
+    need(Group::Rp2040, "rp2040js and modbus-serial in tests/rp2040", By::Own(rp2040), |_| {
+        is_installed(RP2040_PACKAGES, RP2040_FOLDER)
+    }),
+    need(Group::Arm, "Debian's Rust with sources", DEBIAN_RUST, |_| board::has_sources()),
     by_apt(Group::Package, "mmdebstrap", &["mmdebstrap"]),
     by_cargo(Group::Package, "cargo-deb"),
     by_apt(Group::Counts, "valgrind", &["valgrind"]),
@@ -130,12 +106,16 @@ const NEEDS: [Need; 31] = [
     by_cargo(Group::Release, "cargo-cyclonedx"),
 ];
 
+const fn need(group: Group, name: &'static str, by: By, found: fn(&str) -> bool) -> Need {
+    Need { group, name, by, found }
+}
+
 const fn by_apt(group: Group, name: &'static str, packages: &'static [&'static str]) -> Need {
-    Need { group, name, by: By::Apt(packages), found: |name| program(name).is_some() }
+    need(group, name, By::Apt(packages), |name| program(name).is_some())
 }
 
 const fn by_cargo(group: Group, name: &'static str) -> Need {
-    Need { group, name, by: By::Cargo(name), found: |name| program(name).is_some() }
+    need(group, name, By::Cargo(name), |name| program(name).is_some())
 }
 
 /// Missing dependencies of these groups; of all groups if none are given.

@@ -20,6 +20,7 @@ mod key;
 mod parts;
 mod peers;
 mod release;
+mod schemathesis;
 mod sizes;
 mod test;
 mod tools;
@@ -83,6 +84,8 @@ enum Task {
     Counts(Words),
     /// Measures third-party gateways beside mobgate, in one run
     Peers(peers::Choice),
+    /// Asks the program by what schemathesis makes up from docs/openapi.yaml
+    Schemathesis(schemathesis::Choice),
     /// Runs libmodbus's own test suite through the gateway
     Libmodbus,
     /// Fuzzes each framing for this many seconds
@@ -157,19 +160,12 @@ fn carry_out(task: Task) -> Outcome {
         Task::Counts(Words { words }) => {
             install::check(&[Group::Counts])?;
             // Without epoll_pwait2, which many versions of valgrind do not know.
-            let program = [
-                "--quiet",
-                "--package",
-                "mobgate-linux",
-                "--no-default-features",
-                "--features",
-                "demo",
-                "--bench",
-                "pty",
-            ];
+            let program = "--quiet --package mobgate-linux --no-default-features --features demo --bench pty";
+            let program: Vec<_> = program.split(' ').collect();
             run(cargo("bench", &program).args(["--", "counts", "refusals"]).args(words))
         }
         Task::Peers(choice) => peers::measure(&choice),
+        Task::Schemathesis(choice) => schemathesis::ask(&choice),
         Task::Libmodbus => run(&mut command("tests/peers/libmodbus", &[""; 0])),
         Task::Fuzz { seconds, targets } => fuzz::all(seconds, &targets),
         Task::Mutation(Words { words }) => {

@@ -1,6 +1,6 @@
-//! The console's sessions: on standard input and output, on a Unix socket, and on an optional TCP port.
+//! The console's sessions: on standard input and output, on a Unix socket, on an optional TCP port, and by SSH.
 //!
-//! A connection to the socket or the port is a [`Guest`], which gets one of the [`Sessions`].
+//! A connection to the socket, the port or an SSH server is a [`Guest`], which gets one of the [`Sessions`].
 
 use std::fmt::Display;
 use std::rc::Rc;
@@ -13,6 +13,7 @@ use mobgate::settings::TcpListen;
 use rustix::termios::isatty;
 
 use crate::cli::ConsolePort;
+use crate::ssh;
 use crate::stdio::Stdio;
 use crate::store::FileStore;
 use crate::tcp::{Listener, TcpSockets};
@@ -25,6 +26,7 @@ mod sessions;
 pub mod socket;
 
 pub use guest::Guest;
+pub(crate) use hello::carried_out;
 pub use sessions::{SESSIONS_MAX, Sessions};
 
 /// Pause after a failed accept.
@@ -70,6 +72,11 @@ pub async fn on_tcp(sessions: &Sessions, mut sockets: TcpSockets, listen: TcpLis
 pub async fn on_socket(gateway: &Gateway<'_>, sessions: &Sessions, mut listener: socket::Listener) {
     let name = listener.to_string();
     admit(sessions, &name, async || listener.accept(gateway).await).await
+}
+
+/// Accepts those who have logged in by SSH; never returns.
+pub async fn by_ssh(sessions: &Sessions) {
+    admit(sessions, "SSH", async || Guest::by_ssh(ssh::next_entrant().await)).await
 }
 
 /// Admits every guest from `next`; `place` names the listener in the log.

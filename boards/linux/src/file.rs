@@ -27,25 +27,32 @@ pub type Reason = &'static str;
 /// The text of the file at `path`; `None` if it does not exist. Opens regular files only: opening a device may have side effects,
 /// and a pipe may never end.
 pub fn read(path: &Path) -> Result<Option<Vec<u8>>, Reason> {
+    read_up_to(path, TEXT_BYTES_MAX, TOO_LONG)
+}
+
+/// The same of a file with another limit, and the reason if it is longer.
+pub(crate) fn read_up_to(path: &Path, bytes_max: usize, too_long: Reason) -> Result<Option<Vec<u8>>, Reason> {
     let facts = match fs::metadata(path) {
         Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
         facts => facts.map_err(|error| reason(&error))?,
     };
     check(&facts)?;
+    if facts.len() > bytes_max as u64 {
+        return Err(too_long);
+    }
     let flags = OFlags::NONBLOCK.bits() as i32;
     let file =
         OpenOptions::new().read(true).custom_flags(flags).open(path).map_err(|error| reason(&error))?;
     // The file may have been replaced meanwhile.
     check(&file.metadata().map_err(|error| reason(&error))?)?;
     let mut text = Vec::new();
-    file.take(TEXT_BYTES_MAX as u64 + 1).read_to_end(&mut text).map_err(|error| reason(&error))?;
-    if text.len() > TEXT_BYTES_MAX { Err(TOO_LONG) } else { Ok(Some(text)) }
+    file.take(bytes_max as u64 + 1).read_to_end(&mut text).map_err(|error| reason(&error))?;
+    if text.len() > bytes_max { Err(too_long) } else { Ok(Some(text)) }
 }
 
 fn check(facts: &fs::Metadata) -> Result<(), Reason> {
     let kind = facts.file_type();
     match () {
-        () if kind.is_file() && facts.len() > TEXT_BYTES_MAX as u64 => Err(TOO_LONG),
         () if kind.is_file() => Ok(()),
         () if kind.is_dir() => Err("it is a folder, not a file"),
         () if kind.is_fifo() => Err("it is a pipe, not a file"),
@@ -108,6 +115,13 @@ fn prefix(path: &Path) -> OsString {
     prefix.push(path.file_name().unwrap_or_default());
     prefix.push(".");
     prefix
+}
+
+/// The file beside the one at `path`: its name, links followed, and `suffix`.
+pub(crate) fn beside(path: &Path, suffix: &str) -> PathBuf {
+    let mut name = resolve(path).into_os_string();
+    name.push(suffix);
+    name.into()
 }
 
 /// The target of `path` without links, `.` and `..`, even if it does not exist.

@@ -11,7 +11,7 @@ use std::thread;
 use std::time::Duration;
 
 use env_logger::{Builder, Env, Target, WriteStyle};
-use log::Level;
+use log::{Level, LevelFilter};
 
 use crate::screen::{self, Screen};
 
@@ -33,6 +33,10 @@ enum Entry {
 /// Starts logging at the level in `RUST_LOG`; `info` by default.
 pub fn start() -> io::Result<()> {
     let mut builder = Builder::from_env(Env::default().default_filter_or("info"));
+    if std::env::var_os("RUST_LOG").is_none() {
+        // Clients could fill the log with their mistakes.
+        builder.filter_module("russh", LevelFilter::Off);
+    }
     let terminal = stderr().is_terminal();
     // systemd sets it for services that log to the journal, which adds its own times.
     let journal = std::env::var_os("JOURNAL_STREAM").is_some() && !terminal;

@@ -19,7 +19,10 @@ use mobgate::gateway::reconfigure;
 use mobgate::gateway::{Candidate, Connection, Gateway, Ports};
 use mobgate::hal::{OpenError, System};
 use mobgate::scanner::ScannerState;
-use mobgate::settings::{PORTS_MAX, PasswordHash, PortId, Settings, TcpListen};
+use mobgate::settings::{
+    PORTS_MAX, PasswordHash, Port, PortId, PortKind, Settings, StreamFraming, TcpListen,
+};
+use mobgate::web;
 use mobgate_linux::cli::{Instead, Options};
 use mobgate_linux::console::{SESSIONS_MAX, Sessions, socket};
 use mobgate_linux::demo::{self, Lines};
@@ -32,12 +35,15 @@ use mobgate_linux::tcp::{Connector, TcpSockets};
 use mobgate_linux::udp::Datagrams;
 use mobgate_linux::{
     calendar, capture, console, describe, ethercat, executor, logging, mdns, passwords, service, settings,
-    syslog, tty,
+    ssh, syslog, tty,
 };
 use rustix::process::geteuid;
+use rustix::rand::{GetRandomFlags, getrandom};
 
 /// TCP connections of all servers together. Each takes a descriptor, and a process has 1024 by default.
 const CONNECTIONS: usize = 256;
+/// Connections of the web interface: as many as it has.
+const WEB_CONNECTIONS: usize = 8;
 /// One frame for each connection and each port.
 const RESERVED: usize = CONNECTIONS + PORTS_MAX;
 /// As many again for clients that pipeline requests.
@@ -96,6 +102,11 @@ async fn found_on_the_network() {
     mdns::run(&GATEWAY).await
 }
 
+#[embassy_executor::task(pool_size = WEB_CONNECTIONS)]
+async fn web_connection(nth: usize, mut sockets: TcpSockets, mut store: FileStore) {
+    web::run(&GATEWAY, nth, &mut sockets, &mut store, &Process).await
+}
+
 #[embassy_executor::task]
 async fn ethercat_controller() {
     ethercat::run(&GATEWAY, &ETHERCAT).await
@@ -144,7 +155,12 @@ async fn console_on_tcp(sessions: Rc<Sessions>, sockets: TcpSockets, listen: Tcp
     console::on_tcp(&sessions, sockets, listen).await
 }
 
-#[embassy_executor::task(pool_size = SESSIONS_MAX)]
+#[embassy_executor::task]
+async fn console_by_ssh(sessions: Rc<Sessions>) {
+    console::by_ssh(&sessions).await
+}
+
+#[embassy_executor::task(pool_size = SESSIONS_MAX + ssh::SESSIONS_MAX)]
 async fn console_session(sessions: Rc<Sessions>, number: usize, store: FileStore) {
     sessions.serve(number, &GATEWAY, store, &Process).await
 }
@@ -194,6 +210,11 @@ impl System for Process {
 
     async fn hash_password(&self, password: &str) -> Option<PasswordHash> {
         passwords::hash(password).await
+    }
+
+    fn random(&self, into: &mut [u8]) -> bool {
+        // As many as a token needs come at once.
+        getrandom(&mut *into, GetRandomFlags::empty()).is_ok_and(|count| count == into.len())
     }
 
     fn reboot(&self) {
@@ -247,6 +268,8 @@ fn run(options: Options) -> Result<End, String> {
     CAPTURE.set_epoch(capture::epoch_us());
     reconfigure::take_over(&GATEWAY, &mut store, &start.settings).map_err(|error| error.to_string())?;
     audit_start(&options);
+    let is_ssh = |port: &Port| matches!(&port.kind, PortKind::TcpServer(server) if server.framing == StreamFraming::Ssh);
+    ssh::start(&GATEWAY, options.config.clone(), start.settings.ports.iter().flatten().any(is_ssh));
     start.settings.warnings().for_each(|warning| log::warn!("{warning}"));
 
     let _raw_until_the_end = RawMode::enter();
@@ -303,6 +326,9 @@ fn spawn(
     for index in 0..CONNECTIONS {
         spawner.spawn(connection(index, sockets.clone()).unwrap());
     }
+    for nth in 0..WEB_CONNECTIONS {
+        spawner.spawn(web_connection(nth, sockets.clone(), store.clone()).unwrap());
+    }
     spawner.spawn(ethercat_controller().unwrap());
     spawner.spawn(keep_settings(store.clone()).unwrap());
     spawner.spawn(capture_into_file().unwrap());
@@ -310,10 +336,14 @@ fn spawn(
     spawner.spawn(found_on_the_network().unwrap());
     spawner.spawn(service_manager().unwrap());
     spawner.spawn(commits().unwrap());
-    let sessions = Rc::<Sessions>::default();
-    for number in 0..SESSIONS_MAX {
-        spawner.spawn(console_session(sessions.clone(), number, store.clone()).unwrap());
-    }
+    let [sessions, by_ssh] = [SESSIONS_MAX, ssh::SESSIONS_MAX].map(|count| {
+        let sessions = Rc::new(Sessions::new(count));
+        for number in 0..count {
+            spawner.spawn(console_session(sessions.clone(), number, store.clone()).unwrap());
+        }
+        sessions
+    });
+    spawner.spawn(console_by_ssh(by_ssh).unwrap());
     if let Some(listener) = socket {
         spawner.spawn(console_on_socket(sessions.clone(), listener).unwrap());
     }

@@ -4,7 +4,7 @@ use mobgate::gateway::Gateway;
 use mobgate::gateway::reconfigure::{self, Unchanged};
 use mobgate::hal::StoreError;
 use mobgate::language::{Loader, write_line};
-use mobgate::settings::{PortKind, Settings, TcpListen, TcpServerSettings};
+use mobgate::settings::{PortKind, Settings, StreamFraming, TcpListen, TcpServerSettings};
 
 use crate::store::FileStore;
 
@@ -60,7 +60,8 @@ pub fn tcp_servers(settings: &Settings) -> impl Iterator<Item = (&str, &TcpListe
 /// Moves the first TCP server to `listen`; returns whether there is one.
 pub fn redirect(settings: &mut Settings, listen: TcpListen) -> bool {
     let first = settings.ports.iter_mut().flatten().find_map(|port| match &mut port.kind {
-        PortKind::TcpServer(server) => Some(server),
+        // Who names an address for Modbus does not mean that of the console.
+        PortKind::TcpServer(server) if server.framing != StreamFraming::Ssh => Some(server),
         _ => None,
     });
     first.map(|server: &mut TcpServerSettings| server.listen = listen).is_some()

@@ -1,13 +1,16 @@
 //! The settings' text in a file; saving keeps its comments and order.
 
 use std::cell::RefCell;
+use std::fmt;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
+use jiff::Timestamp;
 use mobgate::hal::{Store, StoreError};
 
 use crate::file::{self, TEXT_BYTES_MAX};
 use crate::merge::merge;
+use crate::versions::Versions;
 use crate::worker;
 
 /// The configuration file; `None` if the program was started without one. Clones share the file.
@@ -20,6 +23,11 @@ pub struct FileStore {
     next: String,
     /// Overwrite the file even if it was edited.
     whatever: bool,
+    /// Who makes that version.
+    who: String,
+    /// The versions as they were when the first one was asked for, and the text of one.
+    versions: Versions,
+    version: Vec<u8>,
     /// The file's text when last applied or saved: any other text is somebody's edit.
     known: Rc<RefCell<Option<Vec<u8>>>>,
 }
@@ -35,7 +43,16 @@ impl FileStore {
 
     /// Opens the file at `path` for reading only.
     pub fn untouched(path: Option<PathBuf>) -> Self {
-        Self { path, read: Vec::new(), next: String::new(), whatever: false, known: Rc::default() }
+        Self {
+            path,
+            read: Vec::new(),
+            next: String::new(),
+            whatever: false,
+            who: String::new(),
+            versions: Versions::default(),
+            version: Vec::new(),
+            known: Rc::default(),
+        }
     }
 
     /// The path of the file.
@@ -47,9 +64,7 @@ impl FileStore {
     /// Returns its path.
     pub fn keep_aside(&self, text: &str) -> Result<PathBuf, String> {
         let path = self.path().map_err(|error| error.to_string())?;
-        let mut name = file::resolve(path).into_os_string();
-        name.push(".unsaved");
-        let aside = PathBuf::from(name);
+        let aside = file::beside(path, ".unsaved");
         let known = self.known.borrow().clone().unwrap_or_default();
         let text = merge(&String::from_utf8_lossy(&known), text);
         let kept = file::replace_like(&aside, path, text.as_bytes());
@@ -64,9 +79,7 @@ impl Store for FileStore {
             self.read = text.unwrap_or_default();
         }
         let rest = self.read.get(offset..).unwrap_or_default();
-        let count = rest.len().min(into.len());
-        into[..count].copy_from_slice(&rest[..count]);
-        Ok(count)
+        Ok(copy(rest, into))
     }
 
     async fn append(&mut self, text: &[u8]) -> Result<(), StoreError> {
@@ -85,7 +98,8 @@ impl Store for FileStore {
         let known = self.known.borrow().clone();
         let is_known = move |old: &[u8]| whatever || known.is_some_and(|known| known == old);
         // fsync may be slow, and the executor must keep serving the lines.
-        let written = worker::once(move || write(&path, &text, is_known)).await;
+        let who = std::mem::take(&mut self.who);
+        let written = worker::once(move || write(&path, &text, &who, is_known)).await;
         let written = written.map_err(|error| StoreError::Refused(file::reason(&error)))??;
         *self.known.borrow_mut() = Some(written);
         Ok(())
@@ -99,10 +113,47 @@ impl Store for FileStore {
         self.whatever = whatever;
         self.next.clear();
     }
+
+    fn sign(&mut self, who: &dyn fmt::Display) {
+        self.who = who.to_string();
+    }
+
+    fn write_version(&mut self, nth: usize, out: &mut dyn fmt::Write) -> Option<fmt::Result> {
+        if nth == 0 {
+            self.versions = Versions::read(self.path().ok()?);
+        }
+        Some(write!(out, "{}", self.versions.get(nth)?))
+    }
+
+    async fn read_version(
+        &mut self,
+        nth: usize,
+        offset: usize,
+        into: &mut [u8],
+    ) -> Result<usize, StoreError> {
+        if offset == 0 {
+            let versions = Versions::read(self.path()?);
+            self.version = versions.get(nth).map(|version| version.text.clone()).unwrap_or_default();
+        }
+        Ok(copy(self.version.get(offset..).unwrap_or_default(), into))
+    }
 }
 
-/// Merges the settings in `new` into the file at `path`, if its text `is_known`; returns the text written.
-fn write(path: &Path, new: &str, is_known: impl FnOnce(&[u8]) -> bool) -> Result<Vec<u8>, StoreError> {
+/// Copies what fits of `from` and returns how much that is.
+fn copy(from: &[u8], into: &mut [u8]) -> usize {
+    let count = from.len().min(into.len());
+    into[..count].copy_from_slice(&from[..count]);
+    count
+}
+
+/// Merges the settings in `new` into the file at `path`, if its text `is_known`; returns the text written. It is kept as a version
+/// by `who`.
+fn write(
+    path: &Path,
+    new: &str,
+    who: &str,
+    is_known: impl FnOnce(&[u8]) -> bool,
+) -> Result<Vec<u8>, StoreError> {
     file::sweep(path);
     let old = match file::read(path).map_err(StoreError::Refused)? {
         Some(old) if !is_known(&old) => return Err(StoreError::Edited),
@@ -112,10 +163,13 @@ fn write(path: &Path, new: &str, is_known: impl FnOnce(&[u8]) -> bool) -> Result
     if text.len() > TEXT_BYTES_MAX {
         return Err(StoreError::Full(TEXT_BYTES_MAX));
     }
+    let mut versions = Versions::read(path);
+    versions.note(path, &old);
     file::replace(path, &text).map_err(|error| {
         log::error!("{}: {error}", path.display());
         StoreError::Refused(file::reason(&error))
     })?;
+    versions.add(path, Timestamp::now(), who, &text);
     Ok(text)
 }
 
@@ -219,6 +273,31 @@ mod tests {
         assert_eq!(refused, Some(StoreError::Full(TEXT_BYTES_MAX)));
         store.overwrite(true);
         save(&mut store, NEW).unwrap();
+    }
+
+    #[test]
+    fn versions_tell_who_and_are_read_back_one_by_one() {
+        let (_folder, path, mut store) = store();
+        read(&mut store).unwrap();
+        store.taken_over();
+        for (who, port) in [("anna@::1", 1502), ("local console", 1503)] {
+            store.sign(&who);
+            save(&mut store, &format!("port P1 tcp server {port}\n")).unwrap();
+        }
+        // Another session's store sees them, too.
+        let mut other = FileStore::new(Some(path));
+        let mut told = |nth| {
+            let mut told = String::new();
+            other.write_version(nth, &mut told).map(|_| told.split_once('\t').unwrap().1.to_owned())
+        };
+        assert_eq!(
+            [0, 1, 2, 3].map(&mut told).map(Option::unwrap_or_default),
+            ["+1 -1\tlocal console", "+1 -1\tanna@::1", "+2 -0\tsystem", ""]
+        );
+        let mut text = [0; 256];
+        let count = block_on(other.read_version(2, 0, &mut text)).unwrap();
+        assert_eq!(String::from_utf8_lossy(&text[..count]), OLD);
+        assert_eq!(block_on(other.read_version(3, 0, &mut text)), Ok(0));
     }
 
     #[test]

@@ -13,10 +13,10 @@ use embassy_time::{Duration, Timer};
 use embedded_io_async::{ErrorType, Read, Write};
 use futures_lite::future::or;
 use mobgate::hal::{self, OpenError, TcpHost};
-use mobgate::settings::TcpListen;
+use mobgate::settings::{PortId, TcpListen};
 
 use crate::descriptor::Descriptor;
-use crate::exposure;
+use crate::{exposure, ssh};
 
 mod connector;
 mod listener;
@@ -90,6 +90,10 @@ impl TcpStream {
 }
 
 impl hal::TcpStream for TcpStream {
+    async fn serve_ssh(&mut self, port: PortId, peer: SocketAddr, logged_in: &dyn Fn()) {
+        ssh::serve(self.io.get_ref(), port, peer, logged_in).await
+    }
+
     async fn close(mut self) {
         // A socket closed with unread bytes sends a reset, which may overtake the last response: read them first.
         let drain = async {

@@ -1,14 +1,14 @@
 //! The program's start and end: options, bad configurations, signals.
 
 use std::fs;
-use std::net::{Ipv4Addr, TcpListener};
+use std::net::Ipv4Addr;
 use std::os::unix::net::UnixDatagram;
 use std::thread;
 use std::time::Duration;
 
 use rustix::process::Signal;
 
-use common::{PATIENCE, Program, ask, converse, free_port, mobgate, output, wait_for};
+use common::{PATIENCE, Program, ask, converse, free_port, listening, mobgate, output, refusal, wait_for};
 
 mod common;
 
@@ -69,9 +69,7 @@ fn check_names_file_line_and_word_of_an_error() {
     // The blank line after the ports is line 6.
     let file = file(&BAD_LINE_7.replace("{port}", "502"));
     let path = file.path().to_str().unwrap();
-    let checked = output(&["--check", path]);
-    let said = String::from_utf8(checked.stderr).unwrap();
-    assert_eq!(checked.status.code(), Some(1));
+    let said = refusal(&["--check", path]);
     for part in [path, "line 7", "\"P9\""] {
         assert!(said.contains(part), "{part} is not in {said:?}");
     }
@@ -100,31 +98,30 @@ fn sii_and_esi_write_what_the_gateway_is_on_ethercat() {
     let module = "<Name>Slave 0, unit 17: 4 REAL in input registers</Name>";
     assert!(fs::read_to_string(&path).unwrap().contains(module));
     let bad = file("port ecat ethercat modules\nslave 0 unit 300\n");
-    let refused = output(&["esi", "--config", bad.path().to_str().unwrap(), path.to_str().unwrap()]);
-    assert_eq!(refused.status.code(), Some(1));
-    assert!(String::from_utf8(refused.stderr).unwrap().contains("line 2"), "says where");
-    let nowhere = output(&["esi", "/does/not/exist"]);
-    assert_eq!(nowhere.status.code(), Some(1));
-    assert!(String::from_utf8(nowhere.stderr).unwrap().contains("/does/not/exist"));
+    let refused = refusal(&["esi", "--config", bad.path().to_str().unwrap(), path.to_str().unwrap()]);
+    assert!(refused.contains("line 2"), "says where");
+    assert!(refusal(&["esi", "/does/not/exist"]).contains("/does/not/exist"));
+}
+
+/// What `--check` says of a good file with this text.
+fn checked(text: &str) -> String {
+    let file = file(text);
+    let checked = output(&["--check", file.path().to_str().unwrap()]);
+    assert_eq!(checked.status.code(), Some(0));
+    String::from_utf8(checked.stdout).unwrap()
 }
 
 #[test]
 fn check_of_a_good_file_says_so_and_ends_with_0() {
-    let file = file("port P1 serial /dev/ttyS7 rtu client 9600 8N1\n");
-    let checked = output(&["--check", file.path().to_str().unwrap()]);
-    assert_eq!(checked.status.code(), Some(0));
-    assert!(String::from_utf8(checked.stdout).unwrap().contains("good"));
+    assert!(checked("port P1 serial /dev/ttyS7 rtu client 9600 8N1\n").contains("good"));
 }
 
 #[test]
 fn check_says_which_rules_never_match_or_lead_in_a_circle() {
-    let file = file(
+    let said = checked(
         "port P502 tcp server 502\nport c tcp client 127.0.0.1:502\n\
          route P502 1-9 * * c\nroute P502 5 * * c readonly\n",
     );
-    let checked = output(&["--check", file.path().to_str().unwrap()]);
-    assert_eq!(checked.status.code(), Some(0));
-    let said = String::from_utf8(checked.stdout).unwrap();
     assert!(said.contains(": rule 2 never matches: rule 1 takes all its requests\n"), "{said}");
     assert!(
         said.contains(": rule 1 leads unit 1 in a circle: its requests come back by port P502\n"),
@@ -134,24 +131,20 @@ fn check_says_which_rules_never_match_or_lead_in_a_circle() {
 
 #[test]
 fn check_of_a_file_that_does_not_exist_ends_with_1() {
-    assert_eq!(output(&["--check", "/does/not/exist"]).status.code(), Some(1));
+    refusal(&["--check", "/does/not/exist"]);
 }
 
 #[test]
 fn check_finds_more_connections_than_there_are() {
     let file = file("port P502 tcp server 502 clients 999\n");
-    let checked = output(&["--check", file.path().to_str().unwrap()]);
-    assert_eq!(checked.status.code(), Some(1));
-    assert!(String::from_utf8(checked.stderr).unwrap().contains("1000 connections"));
+    assert!(refusal(&["--check", file.path().to_str().unwrap()]).contains("1000 connections"));
 }
 
 #[test]
 fn the_program_does_not_start_half_configured() {
     let port = free_port();
     let file = file(&BAD_LINE_7.replace("{port}", &port.to_string()));
-    let started = output(&["--config", file.path().to_str().unwrap(), "--socket", "off"]);
-    assert_eq!(started.status.code(), Some(1));
-    let said = String::from_utf8(started.stderr).unwrap();
+    let said = refusal(&["--config", file.path().to_str().unwrap(), "--socket", "off"]);
     assert!(said.contains("line 7") && !said.contains("listening"), "{said}");
 }
 
@@ -167,12 +160,9 @@ fn a_bad_option_ends_with_2_and_help_tells_the_exit_codes() {
 
 #[test]
 fn a_configured_port_that_is_taken_ends_the_start_with_a_hint() {
-    let taken = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
-    let at = taken.local_addr().unwrap();
-    let file = file(&format!("port P502 tcp server {at}\n"));
-    let started = output(&["--config", file.path().to_str().unwrap(), "--socket", "off"]);
-    assert_eq!(started.status.code(), Some(1));
-    let said = String::from_utf8(started.stderr).unwrap();
+    let (_taken, at) = listening();
+    let file = file(&format!("port P502 tcp server 127.0.0.1:{at}\n"));
+    let said = refusal(&["--config", file.path().to_str().unwrap(), "--socket", "off"]);
     assert!(said.contains("P502") && said.contains("in use") && said.contains("ss -ltnp"), "{said}");
 }
 
@@ -213,20 +203,14 @@ fn the_meters_registers_move() {
     wait_for("another value", || (ask(&mut client, 1, &[4, 0, 0, 0, 6]) != first).then_some(()));
 }
 
+/// The demo has no file to read at SIGHUP.
 #[test]
-fn sigterm_and_sigint_end_the_program_with_0() {
-    for signal in [Signal::TERM, Signal::INT] {
+fn sigterm_and_sigint_end_the_program_with_0_and_sighup_the_demo() {
+    for signal in [Signal::TERM, Signal::INT, Signal::HUP] {
         let program = Program::demo();
         program.signal(signal);
-        assert_eq!(program.wait().code(), Some(0));
+        assert_eq!(program.wait().code(), Some(0), "{signal:?}");
     }
-}
-
-#[test]
-fn sighup_ends_the_demo_which_has_no_file_to_read() {
-    let program = Program::demo();
-    program.signal(Signal::HUP);
-    assert_eq!(program.wait().code(), Some(0));
 }
 
 #[test]

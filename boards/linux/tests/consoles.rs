@@ -2,14 +2,16 @@
 
 use std::fs::{self, File};
 use std::io::{Read, Write};
-use std::net::{Ipv4Addr, TcpListener, TcpStream};
+use std::net::{Ipv4Addr, TcpStream};
 use std::os::unix::fs::PermissionsExt;
 use std::process::Stdio;
 use std::time::Instant;
 
 use rustix::process::Signal;
 
-use common::{PATIENCE, Program, USER, converse, free_port, mobgate, output, wait_for, with_console};
+use common::{
+    PATIENCE, Program, USER, converse, free_port, listening, mobgate, output, refusal, wait_for, with_console,
+};
 
 mod common;
 
@@ -63,12 +65,9 @@ fn reboot_starts_the_program_again_with_the_saved_settings() {
 
 #[test]
 fn a_taken_console_port_ends_the_start() {
-    let taken = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
-    let at = taken.local_addr().unwrap().port().to_string();
-    let listen = free_port().to_string();
-    let started = output(&["--listen", &listen, "--console", &at, "--socket", "off"]);
-    assert_eq!(started.status.code(), Some(1));
-    assert!(String::from_utf8(started.stderr).unwrap().contains("console"));
+    let (_taken, at) = listening();
+    let (at, listen) = (at.to_string(), free_port().to_string());
+    assert!(refusal(&["--listen", &listen, "--console", &at, "--socket", "off"]).contains("console"));
 }
 
 #[test]
@@ -193,9 +192,7 @@ fn a_newcomer_gets_the_place_of_the_session_that_is_idle_for_longest_which_is_to
 fn a_second_gateway_finds_the_socket_in_use_and_one_that_was_killed_leaves_it_free() {
     let program = with_console("port P502 tcp server {port}\n");
     let socket = program.socket();
-    let second = output(&["--listen", &free_port().to_string(), "--socket", socket.to_str().unwrap()]);
-    let said = String::from_utf8(second.stderr).unwrap();
-    assert_eq!(second.status.code(), Some(1));
+    let said = refusal(&["--listen", &free_port().to_string(), "--socket", socket.to_str().unwrap()]);
     assert!(said.contains("in use by another gateway; --socket PATH names another one"), "{said}");
 
     let (folder, port) = (tempfile::tempdir().unwrap(), free_port());

@@ -9,6 +9,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 
+use mobgate_simulator::device::rtu::frame;
 use rustix::process::Signal;
 use serial2::SerialPort;
 
@@ -32,12 +33,28 @@ fn file(timeout_ms: u32) -> String {
     format!("port ask scanner\n{port}{}", rules.collect::<String>())
 }
 
+/// The texts in a file of versions, which has nothing else.
+fn texts(mut file: &str) -> impl Iterator<Item = &str> {
+    std::iter::from_fn(move || {
+        let (head, rest) = file.split_once('\n')?;
+        let (head, _sum) = head.rsplit_once('\t').unwrap();
+        let (_, length) = head.rsplit_once('\t').unwrap();
+        let (text, behind) = rest.split_at(length.parse().unwrap());
+        file = behind;
+        Some(text)
+    })
+}
+
 #[test]
 fn after_a_kill_in_any_of_200_saves_the_file_is_the_old_one_or_the_new_one() {
     let folder = tempfile::tempdir().unwrap();
     let config = folder.path().join("mobgate.conf");
     fs::write(&config, file(1_001)).unwrap();
-    let others = || fs::read_dir(folder.path()).unwrap().count() - 1;
+    let versions = folder.path().join("mobgate.conf.versions");
+    let others = || {
+        let names = fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().path());
+        names.filter(|name| *name != config && *name != versions).count()
+    };
     let (mut value, mut left, mut last, mut seed) = (1_001, 0, 0, 1_u64);
     for run in 0..KILLS {
         let mut command = mobgate();
@@ -69,18 +86,16 @@ fn after_a_kill_in_any_of_200_saves_the_file_is_the_old_one_or_the_new_one() {
         let text = fs::read_to_string(&config).unwrap();
         let whole = (value + 1..=value + SAVES).find(|value| text == file(*value));
         let whole = whole.unwrap_or_else(|| panic!("neither the old file nor the new one:\n{text}"));
+        let kept = texts(&fs::read_to_string(&versions).unwrap()).map(str::to_owned).collect::<Vec<_>>();
+        let last_kept = [whole, whole - 1].map(file).contains(&kept[0]);
+        assert!(last_kept, "the version kept last is neither the file nor the one before it:\n{}", kept[0]);
+        assert!(kept.len() <= 10, "{} versions", kept.len());
         left += others();
         last += u32::from(whole == value + SAVES);
         value = whole;
     }
     println!("{KILLS} kills, {left} while the new file was there, {last} behind the last save");
     assert!(left > 0, "no kill met a save");
-}
-
-fn crc(frame: &[u8]) -> [u8; 2] {
-    let byte =
-        |crc: u16, byte: &u8| (0..8).fold(crc ^ u16::from(*byte), |crc, _| (crc >> 1) ^ (0xa001 * (crc & 1)));
-    frame.iter().fold(0xffff, byte).to_le_bytes()
 }
 
 /// A unit 1 on a PTY: each of its registers has its own address as its value.
@@ -103,11 +118,10 @@ impl Device {
                     continue; // nobody's
                 }
                 let (first, count) = (u16::from_be_bytes([request[2], request[3]]), request[5]);
-                let mut answer = vec![1, 3, 2 * count];
+                let mut answer = vec![3, 2 * count];
                 answer.extend((first..first + u16::from(count)).flat_map(u16::to_be_bytes));
-                answer.extend(crc(&answer));
                 thread::sleep(Duration::from_millis(3)); // as a device takes
-                if outside.write_all(&answer).is_err() {
+                if outside.write_all(&frame(1, &answer)).is_err() {
                     return;
                 }
             }

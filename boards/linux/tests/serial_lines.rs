@@ -1,16 +1,15 @@
 //! The program with serial devices that are missing, come, go and babble: PTYs under names of the tests' own.
 
-use std::io::{Read, Write};
 use std::os::unix::fs::symlink;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::thread;
+use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
 use serial2::SerialPort;
 
-use common::{Program, ask, wait_for};
+use common::{Program, ask, converse, wait_for};
 
 mod common;
 
@@ -37,6 +36,14 @@ impl Adapter {
         Self { _inside: inside, outside }
     }
 
+    /// Answers as many requests.
+    fn answering(mut self, requests: usize) -> JoinHandle<Self> {
+        thread::spawn(move || {
+            (0..requests).for_each(|_| self.answer());
+            self
+        })
+    }
+
     /// Answers one request.
     fn answer(&mut self) {
         let mut request = [0; 8];
@@ -46,11 +53,16 @@ impl Adapter {
     }
 }
 
-fn program(device: &Path) -> Program {
-    Program::configured(&format!(
-        "port P1 serial {} rtu client timeout 200ms\nport P502 tcp server {{port}}\nroute P502 * * * P1\n",
+/// A TCP server before a client with these words at `device`.
+fn settings(device: &Path, words: &str) -> String {
+    format!(
+        "port P1 serial {} rtu client {words}\nport P502 tcp server {{port}}\nroute P502 * * * P1\n",
         device.display()
-    ))
+    )
+}
+
+fn program(device: &Path) -> Program {
+    Program::configured(&settings(device, "timeout 200ms"))
 }
 
 #[test]
@@ -62,12 +74,9 @@ fn a_device_that_does_not_exist_is_reported_and_found_when_it_comes() {
     let mut client = program.connect();
     assert_eq!(ask(&mut client, 1, &READ), NO_PATH);
 
-    let mut adapter = Adapter::plug(&name);
+    let adapter = Adapter::plug(&name);
     program.logs("is open");
-    let responding = thread::spawn(move || {
-        adapter.answer();
-        adapter
-    });
+    let responding = adapter.answering(1);
     assert_eq!(ask(&mut client, 1, &READ), ANSWER);
     drop(responding.join().unwrap());
 }
@@ -83,12 +92,9 @@ fn an_unplugged_adapter_is_opened_again_when_it_is_back() {
     drop(adapter);
     program.logs("is lost");
 
-    let mut adapter = Adapter::plug(&name);
+    let adapter = Adapter::plug(&name);
     wait_for("the line again", || (program.log().matches("is open").count() == 2).then_some(()));
-    let responding = thread::spawn(move || {
-        adapter.answer();
-        adapter
-    });
+    let responding = adapter.answering(1);
     assert_eq!(ask(&mut program.connect(), 1, &READ), ANSWER);
     drop(responding.join().unwrap());
 }
@@ -97,7 +103,7 @@ fn an_unplugged_adapter_is_opened_again_when_it_is_back() {
 fn a_line_that_babbles_stops_nobody_else() {
     let folder = tempfile::tempdir().unwrap();
     let (noisy, quiet) = (folder.path().join("noisy"), folder.path().join("quiet"));
-    let (babbler, mut adapter) = (Adapter::plug(&noisy), Adapter::plug(&quiet));
+    let (babbler, adapter) = (Adapter::plug(&noisy), Adapter::plug(&quiet));
     let program = Program::configured(&format!(
         "port N1 serial {} rtu client timeout 200ms\nport Q1 serial {} rtu client timeout 10s late-window 200ms\n\
          port P502 tcp server {{port}} lifetime 2s\nroute P502 2 * * N1\nroute P502 1 * * Q1\n",
@@ -113,12 +119,7 @@ fn a_line_that_babbles_stops_nobody_else() {
             let _ = babbler.outside.write(&[0x55; 4096]);
         }
     });
-    let answers = thread::spawn(move || {
-        for _ in 0..20 {
-            adapter.answer();
-        }
-        adapter
-    });
+    let answers = adapter.answering(20);
     let mut client = program.connect();
     for _ in 0..20 {
         assert_eq!(ask(&mut client, 1, &READ), ANSWER);
@@ -136,10 +137,7 @@ fn a_scan_finds_a_unit_and_leaves_the_port_as_it_was() {
     let folder = tempfile::tempdir().unwrap();
     let name = folder.path().join("usb-adapter");
     let adapter = Adapter::plug(&name);
-    let program = common::with_console(&format!(
-        "port P1 serial {} rtu client 115200\nport P502 tcp server {{port}}\nroute P502 * * * P1\n",
-        name.display()
-    ));
+    let program = common::with_console(&settings(&name, "115200"));
     program.logs("is open");
     let end = Arc::new(AtomicBool::new(false));
     let over = end.clone();
@@ -157,13 +155,7 @@ fn a_scan_finds_a_unit_and_leaves_the_port_as_it_was() {
         }
     });
     let mut console = program.session();
-    console.write_all(b"scan P1 9600 19200 units 1-3 timeout 200ms\n").unwrap();
-    let (mut said, mut part) = (String::new(), [0; 512]);
-    while !said.contains("# units 1") {
-        let count = console.read(&mut part).unwrap_or_else(|error| panic!("{error} after {said}"));
-        assert!(count > 0, "the session ended after {said}");
-        said.push_str(&String::from_utf8_lossy(&part[..count]));
-    }
+    let said = converse(&mut console, "scan P1 9600 19200 units 1-3 timeout 200ms\n", "# units 1");
     assert!(said.contains("unit   1 9600 8E1"), "{said}");
     assert!(said.contains("1 units found in "), "{said}");
     assert!(said.contains("edit port P1 9600 8E1     # units 1"), "{said}");
@@ -223,11 +215,8 @@ fn a_response_at_the_pace_of_a_slow_wire_is_heard_and_one_that_stops_half_way_is
     let folder = tempfile::tempdir().unwrap();
     let name = folder.path().join("slow");
     let mut adapter = Adapter::plug(&name);
-    let program = Program::configured(&format!(
-        "port P1 serial {} rtu client 1200 gap 400ms timeout 5s late-window 0 proof none\n\
-         port P502 tcp server {{port}}\nroute P502 * * * P1\n",
-        name.display()
-    ));
+    let words = "1200 gap 400ms timeout 5s late-window 0 proof none";
+    let program = Program::configured(&settings(&name, words));
     program.logs("is open");
     let device = thread::spawn(move || {
         for part in [&ANSWER_RTU[..], &ANSWER_RTU[..4], &ANSWER_RTU[..]] {

@@ -1,16 +1,18 @@
 //! The configuration file: what is refused as one, and what a save does to it, also where it cannot be written.
 
 use std::fs::{self, File};
-use std::io::{Read, Write};
+use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{Ipv4Addr, TcpStream};
 use std::os::unix::fs::{PermissionsExt, symlink};
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::{Command, Output, Stdio};
 use std::time::Instant;
 
 use rustix::process::Signal;
 
-use common::{PATIENCE, Program, USER, ask, converse, free_port, mobgate, output, wait_for, with_console};
+use common::{
+    PATIENCE, Program, USER, ask, converse, free_port, mobgate, output, refusal, wait_for, with_console,
+};
 
 mod common;
 
@@ -36,19 +38,18 @@ fn check(path: &Path) -> Output {
 }
 
 /// What `--check` says of a file that it refuses.
-fn refusal(path: &Path) -> String {
+fn refused(path: &Path) -> String {
     let begun = Instant::now();
-    let checked = check(path);
-    assert_eq!(checked.status.code(), Some(1), "{}", path.display());
+    let said = refusal(&["--check", path.to_str().unwrap()]);
     assert!(begun.elapsed() < PATIENCE / 2, "{} took {:?}", path.display(), begun.elapsed());
-    String::from_utf8(checked.stderr).unwrap()
+    said
 }
 
 /// What `--check` says of a file with this text.
 fn refusal_of(text: &str) -> String {
     let file = tempfile::NamedTempFile::new().unwrap();
     fs::write(&file, text).unwrap();
-    refusal(file.path())
+    refused(file.path())
 }
 
 /// Types `line` and gives the response up to its end.
@@ -80,10 +81,8 @@ fn what_is_no_file_of_bounded_length_is_refused_without_being_read() {
         (folder.path(), "it is a folder, not a file"),
         (&long, "it is longer than 262144 bytes, the most that a settings file may have"),
     ] {
-        assert_eq!(refusal(path), format!("mobgate: {}: {expected}\n", path.display()));
-        let started = output(&["--config", path.to_str().unwrap(), "--socket", "off"]);
-        assert_eq!(started.status.code(), Some(1));
-        assert!(String::from_utf8(started.stderr).unwrap().contains(expected));
+        assert_eq!(refused(path), format!("mobgate: {}: {expected}\n", path.display()));
+        assert!(refusal(&["--config", path.to_str().unwrap(), "--socket", "off"]).contains(expected));
     }
 }
 
@@ -333,4 +332,37 @@ fn a_limit_of_the_system_is_named_and_does_not_end_the_program() {
     assert!(said.contains("longer than the system lets this program write"), "{said}");
     assert_eq!(seen_by(&program), (with_user(program.port), 0));
     assert!(program.is_running());
+}
+
+#[test]
+fn saved_versions_outlive_a_start_and_come_back_even_where_one_is_damaged() {
+    let folder = tempfile::tempdir().unwrap();
+    let config = folder.path().join("mobgate.conf");
+    let first = "# by hand\nport P1 serial /dev/ttyS77 rtu client 19200 8E1\n";
+    fs::write(&config, first).unwrap();
+    // What a program that starts with the file says to `text`.
+    let lines = |text: &str, count: usize| {
+        let mut command = mobgate();
+        command.arg("--config").arg(&config).args(["--socket", "off"]).env("RUST_LOG", "off");
+        let mut program = command.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
+        program.stdin.take().unwrap().write_all(text.as_bytes()).unwrap();
+        let mut out = BufReader::new(program.stdout.take().unwrap()).lines();
+        let said = (0..count).map(|_| out.next().unwrap().unwrap()).collect::<Vec<_>>();
+        program.kill().unwrap();
+        program.wait().unwrap();
+        said
+    };
+    assert_eq!(lines("edit port P1 9600\nsave\nedit port P1 4800\nsave\n", 2), ["saved", "saved"]);
+    let listed = lines("versions\n", 4);
+    let rows: Vec<Vec<&str>> = listed.iter().map(|row| row.split_whitespace().collect()).collect();
+    assert_eq!(rows[0], ["NO", "TIME", "LINES", "WHO"]);
+    assert_eq!((rows[1][0], &rows[1][2..]), ("0", &["+1", "-1", "local", "console"][..]));
+    assert_eq!((rows[3][0], &rows[3][2..]), ("2", &["+2", "-0", "system"][..]));
+    let path = folder.path().join("mobgate.conf.versions");
+    let damaged = fs::read_to_string(&path).unwrap().replacen("4800", "4801", 1);
+    fs::write(&path, damaged).unwrap();
+    // The last one is damaged, so the one before it has its number.
+    let said = lines("rollback 1\ncommit\n", 2);
+    assert_eq!(said, ["version 1 is the candidate: see `diff`, then `commit`", "in force and saved"]);
+    assert_eq!(fs::read_to_string(&config).unwrap(), first);
 }

@@ -5,7 +5,7 @@ use std::net::{Ipv4Addr, TcpListener, TcpStream, UdpSocket};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use common::{PATIENCE, Program, ask, free_port, wait_for};
+use common::{PATIENCE, Program, ask, free_port, listening, wait_for};
 use mobgate_simulator::own_network::{MASTER_END, in_own_network, ip};
 
 mod common;
@@ -54,8 +54,7 @@ fn a_server_that_is_not_there_is_answered_0a_at_once_with_a_hint_and_asked_when_
 
 #[test]
 fn a_connection_that_breaks_is_made_again_and_leaves_no_descriptor() {
-    let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
-    let server = listener.local_addr().unwrap().port();
+    let (listener, server) = listening();
     thread::spawn(move || {
         for stream in listener.incoming() {
             let mut stream = stream.unwrap();
@@ -82,8 +81,7 @@ fn a_connection_that_breaks_is_made_again_and_leaves_no_descriptor() {
 
 #[test]
 fn sixteen_requests_are_open_at_a_server_at_a_time() {
-    let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
-    let server = listener.local_addr().unwrap().port();
+    let (listener, server) = listening();
     thread::spawn(move || {
         let (mut stream, _) = listener.accept().unwrap();
         let mut requests = [[0; 12]; 16];
@@ -108,8 +106,7 @@ fn sixteen_requests_are_open_at_a_server_at_a_time() {
 
 #[test]
 fn a_datagram_is_answered_to_whoever_sent_it() {
-    let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
-    let server = listener.local_addr().unwrap().port();
+    let (listener, server) = listening();
     thread::spawn(move || listener.incoming().for_each(|stream| serve(stream.unwrap())));
     let udp = free_port();
     let ports = format!("port U udp server {udp}\nroute U 1-247 * * plc\n");
@@ -146,8 +143,7 @@ fn one_port_asks_many_servers_by_address_and_by_name_on_few_sockets() {
     let mut lines = String::new();
     for unit in 1..=SERVERS {
         // By its name a server on IPv4 alone is found, too, where the name has an address of IPv6 as well.
-        let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
-        let at = listener.local_addr().unwrap().port();
+        let (listener, at) = listening();
         let host = if unit % 2 == 0 { "localhost" } else { "127.0.0.1" };
         lines += &format!("server plant unit {unit} at {host}:{at} tag =1\n");
         thread::spawn(move || {

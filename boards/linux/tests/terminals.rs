@@ -1,93 +1,11 @@
 //! The console at a terminal: the program's own, and one that joins a gateway by `mobgate console`.
 
-use std::fs::File;
-use std::process::{Child, Command, Stdio};
-
 use rustix::process::{Pid, Signal, kill_process};
-use rustix::termios::{
-    LocalModes, OptionalActions, SpecialCodeIndex, Winsize, tcgetattr, tcsetattr, tcsetwinsize,
-};
-use serial2::SerialPort;
 
-use common::{PATIENCE, Program, ask, converse, free_port, wait_for, with_console};
+use common::terminal::{Terminal, status};
+use common::{ask, converse, wait_for, with_console};
 
 mod common;
-
-/// A PTY: a keyboard with a screen, and the terminal's other end.
-struct Terminal {
-    keyboard: SerialPort,
-    end: SerialPort,
-    name: String,
-}
-
-impl Terminal {
-    fn new() -> Self {
-        let (mut keyboard, end) = SerialPort::pair().unwrap();
-        keyboard.set_read_timeout(PATIENCE).unwrap();
-        let mut cooked = tcgetattr(&end).unwrap();
-        cooked.local_modes |= LocalModes::ICANON | LocalModes::ECHO | LocalModes::ISIG;
-        tcsetattr(&end, OptionalActions::Now, &cooked).unwrap();
-        let name = rustix::termios::ttyname(&end, Vec::new()).unwrap().into_string().unwrap();
-        Self { keyboard, end, name }
-    }
-
-    fn open(&self) -> Stdio {
-        Stdio::from(File::options().read(true).write(true).open(&self.name).unwrap())
-    }
-
-    /// The program with this as its terminal, in a session of its own; setsid(1) of util-linux makes it so.
-    fn command(&self) -> Command {
-        let mut command = Command::new("setsid");
-        command.args(["--ctty", "--wait", env!("CARGO_BIN_EXE_mobgate")]).stdin(self.open());
-        command
-    }
-
-    /// A gateway with the demo's bus.
-    fn gateway(&self) -> Program {
-        let (folder, port) = (tempfile::tempdir().unwrap(), free_port());
-        let mut command = self.command();
-        command.args(["--socket", "off", "--listen", &port.to_string()]);
-        Program::try_start(command.stdout(self.open()).stderr(Stdio::piped()), folder, port).unwrap()
-    }
-
-    /// A gateway with the demo's bus whose log is on the terminal as well.
-    fn whole_gateway(&self) -> Program {
-        let (folder, port) = (tempfile::tempdir().unwrap(), free_port());
-        let mut command = self.command();
-        command
-            .env_remove("RUST_LOG")
-            .env_remove("JOURNAL_STREAM")
-            .arg("--socket")
-            .arg(folder.path().join("console"));
-        command.args(["--listen", &format!("127.0.0.1:{port}")]).stdout(self.open()).stderr(self.open());
-        Program::try_start(&mut command, folder, port).unwrap()
-    }
-
-    /// A session at the console of `program`.
-    fn join(&self, program: &Program) -> Child {
-        let mut command = self.command();
-        command.arg("console").arg("--socket").arg(program.socket()).stdout(self.open()).stderr(self.open());
-        command.spawn().unwrap()
-    }
-
-    fn is_cooked(&self) -> bool {
-        let modes = tcgetattr(&self.end).unwrap();
-        modes.local_modes.contains(LocalModes::ICANON | LocalModes::ECHO)
-            && modes.special_codes[SpecialCodeIndex::VINTR] == CTRL_C
-    }
-
-    /// Types `keys`, and reads until `answer` has come.
-    fn type_in(&mut self, keys: &str, answer: &str) -> String {
-        converse(&mut self.keyboard, keys, answer)
-    }
-}
-
-/// The character that a terminal in its usual mode makes a signal of.
-const CTRL_C: u8 = 3;
-
-fn status(mut child: Child) -> std::process::ExitStatus {
-    wait_for("the client's end", || child.try_wait().unwrap())
-}
 
 #[test]
 fn a_terminal_gets_a_prompt_and_echo_and_is_restored_at_the_end() {
@@ -215,16 +133,12 @@ fn a_terminal_that_nobody_reads_delays_no_request() {
 
 #[test]
 fn a_table_is_as_wide_as_the_terminal_and_follows_it() {
-    let resize = |terminal: &Terminal, columns| {
-        let size = Winsize { ws_row: 24, ws_col: columns, ws_xpixel: 0, ws_ypixel: 0 };
-        tcsetwinsize(&terminal.end, size).unwrap();
-    };
     let program = with_console("port P502 tcp server {port}\nroute P502 1 * * local\n");
     let mut terminal = Terminal::new();
-    resize(&terminal, 132);
+    terminal.resize(132);
     let client = terminal.join(&program);
     terminal.type_in("show routes\r", "NO SOURCE          UNITS   IP                 TAG  DESTINATION");
-    resize(&terminal, 80);
+    terminal.resize(80);
     terminal.type_in("show routes\r", "NO SOURCE UNITS IP TAG DESTINATION KIND POLICY\r\n");
     terminal.keyboard.write_all(b"\x04").unwrap();
     assert_eq!(status(client).code(), Some(0));

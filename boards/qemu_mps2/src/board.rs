@@ -44,7 +44,7 @@ pub(crate) fn load(gateway: &Gateway<'_>) -> Store {
     let flash = FileFlash::open().expect("a file for the flash: see boards/qemu_mps2/emulate");
     let store = block_on(FlashStore::open(flash, 0, Image::ONLY));
     let mut store = SharedStore::new(STORE.init(Mutex::new(store)));
-    match block_on(reconfigure::load(gateway, &mut store, &|_| {})) {
+    match block_on(reconfigure::load(gateway, &mut store, &|_| Ok(()))) {
         Ok(1..) => return store,
         Ok(0) => {}
         Err(error) => log::error!("{error}"),

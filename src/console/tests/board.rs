@@ -38,13 +38,8 @@ fn a_board_with_a_network_of_its_own_follows_the_settings_and_shows_its_address(
     };
     assert_eq!(block_on(gateway.new_network()), OwnNetwork::Static(address));
 
-    let show = |network| {
-        let board = Bench { network: Some(network), ..Bench::default() };
-        let mut stream = Stream { typed: b"show network", piece: 50, printed: Vec::new() };
-        block_on(run(&gateway, &mut stream, &mut Memory::default(), &mut none(), &board, Mode::Plain))
-            .unwrap();
-        String::from_utf8(stream.printed).unwrap()
-    };
+    let show =
+        |network| pipe_on(&gateway, &Bench { network: Some(network), ..Bench::default() }, b"show network");
     let hardware = [2, 0, 0, 0xab, 0, 1];
     assert_eq!(
         show(NetworkState { link: true, address: Some(address), hardware }),
@@ -61,12 +56,9 @@ fn a_board_with_a_network_of_its_own_follows_the_settings_and_shows_its_address(
 #[test]
 fn what_the_board_has_to_report_stands_above_the_transactions() {
     with_gateway(|gateway| {
-        let mut stream = Stream { typed: b"show log", piece: 50, printed: Vec::new() };
         let board =
             Bench { events: &["reset by the watchdog", "before: it stood still"], ..Bench::default() };
-        block_on(run(gateway, &mut stream, &mut Memory::default(), &mut none(), &board, Mode::Plain))
-            .unwrap();
-        let printed = String::from_utf8(stream.printed).unwrap();
+        let printed = pipe_on(gateway, &board, b"show log");
         assert!(printed.starts_with("reset by the watchdog\nbefore: it stood still\n      AGE"), "{printed}");
     });
 }
@@ -75,10 +67,8 @@ fn what_the_board_has_to_report_stands_above_the_transactions() {
 fn reboot_asks_the_board() {
     with_gateway(|gateway| {
         let system = Bench::default();
-        let mut stream = Stream { typed: b"reboot\n", piece: 64, printed: Vec::new() };
-        block_on(run(gateway, &mut stream, &mut Memory::default(), &mut none(), &system, Mode::Plain))
-            .unwrap();
-        assert_eq!((stream.printed.as_slice(), system.reboots.get()), (&b"starting again\n"[..], 1));
+        assert_eq!(pipe_on(gateway, &system, b"reboot\n"), "starting again\n");
+        assert_eq!(system.reboots.get(), 1);
     });
 }
 

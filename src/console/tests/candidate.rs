@@ -145,3 +145,58 @@ fn a_commit_that_waits_is_not_saved_and_is_confirmed_or_taken_back() {
         assert_eq!(typed("rollback"), "error: line 1, no commit waits for its confirmation\n");
     });
 }
+
+#[test]
+fn saved_versions_are_listed_and_one_of_them_becomes_the_candidate() {
+    with_gateway(|gateway| {
+        let mut store = Memory::default();
+        let mut typed = |text: &str| session(gateway, &mut store, Mode::Plain, text, 50);
+        assert_eq!(typed("versions"), "nothing was saved so far\n");
+        assert_eq!(typed("rollback 0"), "error: line 1, there is no such version: see `versions`\n");
+        typed(SETTINGS);
+        typed("save");
+        let first = typed("show config");
+        typed("candidate\ndelete routes\ncommit");
+        assert_eq!(
+            typed("versions"),
+            "NO TIME                 LINES     WHO\n \
+             0 2026-11-25T21:40:00Z +1 -0     local console\n \
+             1 2026-11-25T21:40:00Z +1 -0     local console\n"
+        );
+        // In place of another candidate, and nothing is in force before the commit.
+        let said = typed("candidate\nport other tcp server 1502\nrollback 1\ndiff");
+        assert_eq!(
+            said,
+            "version 1 is the candidate: see `diff`, then `commit`\n\
+             + route P502 101-132 192.168.1.0/24 -100 P1 readonly priority high\n\
+             + route P502 1-64    * * P1\n\
+             + route P1 1-64    * * P502\n"
+        );
+        assert!(!typed("show config").contains("route"));
+        assert_eq!(
+            typed("commit confirmed"),
+            "in force: commit within 300s confirms it, or the settings from before come back\n"
+        );
+        let waits = "error: line 1, a commit waits for its confirmation: `commit` confirms it, `rollback` takes it back\n";
+        assert_eq!(typed("rollback 1"), waits);
+        assert_eq!(typed("commit"), "in force and saved\n");
+        assert_eq!(typed("show config"), first);
+        assert_eq!(typed("versions").lines().count(), 4);
+        assert!(typed("show audit").contains("console         rollback 1"));
+        let wrong = typed("rollback yesterday");
+        assert!(wrong.contains("column 10: \"yesterday\": expected"), "{wrong}");
+    });
+}
+
+#[test]
+fn a_version_that_cannot_be_read_leaves_the_candidate_alone() {
+    with_gateway(|gateway| {
+        let mut store = Memory::default();
+        store.versions.push(("anna".into(), b"port P1 tcp server 502\nprot P2\n".to_vec()));
+        let mut typed = |text: &str| session(gateway, &mut store, Mode::Plain, text, 50);
+        typed("candidate\nport P7 tcp server 507");
+        let said = typed("rollback 0");
+        assert!(said.starts_with("error: line 1, saved settings: line 2, column 1: \"prot\""), "{said}");
+        assert_eq!(typed("show candidate"), "port P7 tcp server 507\n");
+    });
+}

@@ -13,11 +13,9 @@ pub(super) fn ended(
     with_gateway(|gateway| {
         pipe(gateway, SETTINGS);
         prepare(gateway);
-        let mut stream = Stream { typed, piece, printed: Vec::new() };
-        let ended =
-            block_on(run(gateway, &mut stream, &mut Memory::default(), &mut none(), &Bench::default(), mode))
-                .unwrap();
-        came = Some((String::from_utf8(stream.printed).unwrap(), ended, pipe(gateway, "show config")));
+        let (printed, ended) =
+            session_on(gateway, &Bench::default(), &mut Memory::default(), mode, (typed, piece));
+        came = Some((printed, ended, pipe(gateway, "show config")));
     });
     came.unwrap()
 }

@@ -7,7 +7,7 @@ use crate::settings::LINE_BYTES_MAX;
 
 /// What a session by network prints, how it ends, and the settings behind it.
 fn by_network(typed: &[u8], piece: usize) -> (String, Ended, String) {
-    ended(Mode::Network(PEER), typed, piece, add_users)
+    ended(Mode::Network(PEER, None), typed, piece, add_users)
 }
 
 #[test]
@@ -68,7 +68,7 @@ fn keys_of_a_terminal_among_lines_of_text_are_ignored_by_network() {
     with_gateway(|gateway| {
         add_users(gateway);
         let lines = "viewer\nlet me in\n".to_string() + terminal::LINES_WITH_KEYS;
-        let said = session(gateway, &mut Memory::default(), Mode::Network(PEER), &lines, 3);
+        let said = session(gateway, &mut Memory::default(), Mode::Network(PEER, None), &lines, 3);
         assert_eq!(said.matches("mobgate 0.").count(), 2, "{said:?}");
         assert!(!said.contains("error"), "{said:?}");
     });

@@ -92,3 +92,12 @@ fn two_names_of_one_line_are_refused_with_both_ports() {
         "error: line 1, saved settings: line 3, column 16: \"ttyS0\": ports P1 and P3 are on the same device\n"
     );
 }
+
+#[test]
+fn settings_that_are_empty_can_be_saved() {
+    with_gateway(|gateway| {
+        let mut store = Memory::default();
+        let text = "save\nport P1 tcp server 502\nload\nshow config\n";
+        assert_eq!(session(gateway, &mut store, Mode::Plain, text, 11), "saved\nloaded\n");
+    });
+}

@@ -19,7 +19,7 @@ pub(super) fn add_users(gateway: &Gateway<'_>) {
 
 /// What a session by network prints.
 fn network(gateway: &Gateway<'_>, text: &str) -> String {
-    session(gateway, &mut Memory::default(), Mode::Network(PEER), text, 50)
+    session(gateway, &mut Memory::default(), Mode::Network(PEER, None), text, 50)
 }
 
 /// What it prints behind the log-in of `user`.
@@ -101,6 +101,7 @@ const ALLOWED: [(&str, &[&str]); 3] = [
             "candidate",
             "commit",
             "rollback",
+            "versions",
             "discard",
         ],
     ),
@@ -159,11 +160,11 @@ fn hashes_are_shown_to_engineers_at_the_local_console_and_nowhere_else() {
         });
         assert_eq!(
             pipe(gateway, "show users"),
-            "NAME            ROLE     PASSWORD\n\
-             viewer          viewer   set\n\
-             operator        operator set\n\
-             engineer        engineer set\n\
-             nobody          engineer none: cannot log in\n"
+            "NAME            ROLE     PASSWORD              KEYS\n\
+             viewer          viewer   set                   0\n\
+             operator        operator set                   0\n\
+             engineer        engineer set                   0\n\
+             nobody          engineer none: cannot log in   0\n"
         );
     });
 }
@@ -229,4 +230,53 @@ fn wrong_lines_of_users_name_what_is_wrong() {
 #[test]
 fn roles_grow() {
     assert!(Role::Viewer < Role::Operator && Role::Operator < Role::Engineer);
+}
+
+#[cfg(feature = "candidate")] // Without one nothing is refused.
+#[test]
+fn what_would_cut_off_who_makes_it_needs_to_be_confirmed_and_goes_back() {
+    with_gateway(|gateway| {
+        add_users(gateway);
+        pipe(gateway, "port access tcp server 502 allow 127.0.0.0/8");
+        let by_port = |text: &str| {
+            let port = gateway.settings(|settings| settings.find("access"));
+            let text = format!("engineer\nlet me in\n{text}");
+            session(gateway, &mut Memory::default(), Mode::Network(PEER, port), &text, 50)
+        };
+        let key = "key ssh-ed25519 AAAAC3NzaC1lZDI1NTE5AAAAIOMqqnkVzrm0SdG6UOoqKLsabgH5C9okWi0dh2l9GKJl";
+        pipe(gateway, &format!("user engineer {key}"));
+        let other = format!("user engineer role engineer password \"{}\"", HASH.replace("fA", "fB"));
+        for (line, why) in [
+            ("delete user engineer", "your user is gone"),
+            ("user engineer role operator", "your role is a lower one"),
+            (&other, "your password is another"),
+            (&format!("delete user engineer {key}"), "a key of yours is gone"),
+            ("delete port access", "no port is where you came in"),
+            ("edit port access listen 503", "no port is where you came in"),
+            ("edit port access allow 10.0.0.0/8", "your address is not allowed any more"),
+        ] {
+            let before = pipe(gateway, "show config secrets");
+            let said = by_port(line);
+            let direct = "; `candidate`, the change, then `commit confirmed 5m` can be taken back\n";
+            assert!(
+                said.contains(&format!("error: line 1, this would cut you off: {why}{direct}")),
+                "{line}: {said}"
+            );
+            let said = by_port(&format!("candidate\n{line}\ncommit"));
+            let hint = "; `commit confirmed 5m` can be taken back\n";
+            assert!(
+                said.contains(&format!("error: line 3, this would cut you off: {why}{hint}")),
+                "{line}: {said}"
+            );
+            assert_eq!(pipe(gateway, "show config secrets"), before, "{line}");
+            let said = by_port("commit confirmed 5m");
+            assert!(said.contains("in force: commit within"), "{line}: {said}");
+            assert_ne!(pipe(gateway, "show config secrets"), before, "{line}");
+            pipe(gateway, "rollback");
+            assert_eq!(pipe(gateway, "show config secrets"), before, "{line}");
+        }
+        // The local console may, and so may who is not concerned.
+        assert!(!by_port("delete user viewer\nport other tcp server 504").contains("error"));
+        assert_eq!(pipe(gateway, "delete user engineer"), "");
+    });
 }

@@ -1,4 +1,5 @@
-//! A TCP server: one of its connections, which serves one client after another, by Modbus TCP or RTU over TCP, or with a capture.
+//! A TCP server: one of its connections, which serves one client after another, by Modbus TCP or RTU over TCP, with a
+//! capture, or with the console by SSH.
 //!
 //! A listener has one connection per client that it allows, plus one that accepts newcomers and, when all are taken, decides
 //! which client is displaced: the ordinary client idle longest. Requests are split off the stream, put into frames and sent to
@@ -23,13 +24,16 @@ use crate::modbus::{Exception, pdu};
 use crate::port::server::listening;
 use crate::port::stream::{Input, Pieces};
 use crate::port::timer::{outlined, until, within};
-use crate::settings::{Allowed, PortId, StreamFraming, TcpListen, TcpServerSettings};
+use crate::settings::{Allowed, PortId, SSH, StreamFraming, TcpListen, TcpServerSettings};
 use crate::stats::Event;
 
 mod response;
 // A separate file, not a `cfg!` branch: what an `async` function awaits stays in its future even behind a false constant.
 #[cfg_attr(not(feature = "capture"), path = "tcp/no_export.rs")]
 mod export;
+// As above.
+#[cfg_attr(not(feature = "ssh"), path = "tcp/no_ssh.rs")]
+mod ssh;
 mod window;
 
 use self::response::{Response, Taken, Waits, Worth};
@@ -90,6 +94,9 @@ impl Server<'_, '_> {
                 let end = match self.take_connection(peer) {
                     Ok(_) if self.settings.framing == StreamFraming::Capture => {
                         outlined(pin!(self.export(&mut stream))).await
+                    }
+                    Ok(_) if SSH && self.settings.framing == StreamFraming::Ssh => {
+                        outlined(pin!(self.converse(&mut stream, peer, &mut window))).await
                     }
                     Ok(origin) => {
                         let Err(end) = outlined(pin!(self.serve(&mut stream, origin, &mut window))).await;

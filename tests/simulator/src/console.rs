@@ -24,7 +24,7 @@ pub async fn typed_at_terminal(gateway: &Gateway<'_>, parts: &[(Duration, &str)]
     typed_in(gateway, parts, Mode::Echo).await
 }
 
-async fn typed_in(gateway: &Gateway<'_>, parts: &[(Duration, &str)], mode: Mode) -> String {
+async fn typed_in(gateway: &Gateway<'_>, parts: &[(Duration, &str)], mode: Mode<'_>) -> String {
     let mut at = Instant::now();
     let parts = parts.iter().map(|&(pause, text)| {
         at += pause;

@@ -1,4 +1,4 @@
-//! A connection to the console: a Unix socket or TCP.
+//! A connection to the console: a Unix socket, TCP or SSH.
 
 use std::io::{self, Read as _, Write as _};
 use std::net::{IpAddr, Shutdown, SocketAddr};
@@ -14,6 +14,7 @@ use rustix::net::{RecvFlags, recv};
 use super::hello::Hello;
 use super::peer::Peer;
 use crate::descriptor::Descriptor;
+use crate::ssh::{Entrant, Who};
 use crate::tcp::TcpStream;
 
 /// Time limit for the last words of a session and an orderly close.
@@ -25,6 +26,8 @@ pub struct Guest {
     stream: Stream,
     pub(super) who: String,
     pub(super) hello: Hello,
+    /// Who has logged in before.
+    pub(super) user: Option<Who>,
 }
 
 #[derive(Debug)]
@@ -36,19 +39,27 @@ enum Stream {
 impl Guest {
     /// A client connected by TCP from `peer`.
     pub(super) fn by_tcp(stream: TcpStream, peer: SocketAddr) -> Self {
-        Self { stream: Stream::Tcp(stream, peer.ip()), who: peer.to_string(), hello: Hello::None }
+        Self { stream: Stream::Tcp(stream, peer.ip()), who: peer.to_string(), hello: Hello::None, user: None }
     }
 
     /// The process `peer`, which is authorised to use the console.
     pub(super) fn by_socket(stream: UnixStream, peer: &Peer) -> io::Result<Self> {
         let stream = Stream::Local(Descriptor::new(stream)?);
-        Ok(Self { stream, who: peer.to_string(), hello: Hello::None })
+        Ok(Self { stream, who: peer.to_string(), hello: Hello::None, user: None })
+    }
+
+    /// Somebody who has logged in by SSH.
+    pub(super) fn by_ssh(Entrant { stream, who: user, edits }: Entrant) -> io::Result<Self> {
+        let hello = if edits { Hello::Terminal } else { Hello::Lines };
+        let stream = Stream::Local(Descriptor::new(stream)?);
+        let who = format!("{}@{}", user.user, user.peer);
+        Ok(Self { stream, who, hello, user: Some(user) })
     }
 
     /// Waits for the first byte, which selects the mode of the session.
-    pub(super) async fn begin(&mut self) -> io::Result<Mode> {
+    pub(super) async fn begin(&mut self) -> io::Result<Mode<'static>> {
         let stream = match &mut self.stream {
-            Stream::Tcp(_, peer) => return Ok(Mode::Network(*peer)),
+            Stream::Tcp(_, peer) => return Ok(Mode::Network(*peer, None)),
             Stream::Local(stream) => stream,
         };
         let mut first = [0];

@@ -44,7 +44,7 @@ impl Hello {
         }
     }
 
-    pub(super) fn mode(self) -> Mode {
+    pub(super) fn mode(self) -> Mode<'static> {
         match self {
             Self::Terminal => Mode::Echo,
             Self::None | Self::Lines => Mode::Plain,
@@ -58,7 +58,7 @@ pub(super) fn farewell(ended: Ended) -> u8 {
 }
 
 /// Decodes a possible status byte, the last one of a session. Console output never contains these bytes.
-pub(super) fn carried_out(byte: u8) -> Option<bool> {
+pub(crate) fn carried_out(byte: u8) -> Option<bool> {
     match byte {
         DONE => Some(true),
         REFUSED => Some(false),

@@ -15,23 +15,18 @@ use mobgate::hal::System;
 use super::by_package;
 use super::guest::Guest;
 use super::hello::{Hello, farewell};
+use crate::ssh::Who;
 use crate::store::FileStore;
 
-/// Concurrent sessions.
+/// Concurrent sessions at the socket and the TCP port. SSH has its own.
 pub const SESSIONS_MAX: usize = 4;
 /// A session without input or output for this long ends.
 const IDLE_MAX: Duration = Duration::from_secs(30 * 60);
 
 /// Session slots, each served by a task.
 pub struct Sessions {
-    slots: [Slot; SESSIONS_MAX],
+    slots: Vec<Slot>,
     idle_max: Duration,
-}
-
-impl Default for Sessions {
-    fn default() -> Self {
-        Self { slots: Default::default(), idle_max: IDLE_MAX }
-    }
 }
 
 /// A session slot.
@@ -56,6 +51,11 @@ enum End {
 }
 
 impl Sessions {
+    /// So many slots.
+    pub fn new(count: usize) -> Self {
+        Self { slots: (0..count).map(|_| Slot::default()).collect(), idle_max: IDLE_MAX }
+    }
+
     /// Gives `guest` a free slot, or that of the session idle for longest.
     pub fn admit(&self, guest: Guest) {
         // `None` sorts first. There is at least one slot.
@@ -78,7 +78,7 @@ impl Sessions {
                     Either3::Third(()) => End::Idle,
                 }
             };
-            let next = end_of(guest, end).await;
+            let next = end_of(guest, end, self.slots.len()).await;
             if next.is_none() && !slot.next.signaled() {
                 slot.last.set(None);
             }
@@ -98,12 +98,18 @@ async fn session(
     mut store: FileStore,
     system: &impl System,
 ) -> io::Result<Ended> {
-    let mode = guest.begin().await?;
+    let user = guest.user.clone();
+    let mode = match &user {
+        Some(Who { user: name, peer, port }) => {
+            Mode::User { name, peer: *peer, port: *port, edits: guest.hello == Hello::Terminal }
+        }
+        None => guest.begin().await?,
+    };
     console::run(gateway, Watched { guest, last }, &mut store, &mut by_package(), system, mode).await
 }
 
 /// Ends a session and tells its user why; returns the guest that displaced it.
-async fn end_of(guest: Guest, end: End) -> Option<Guest> {
+async fn end_of(guest: Guest, end: End, count: usize) -> Option<Guest> {
     let who = guest.who.clone();
     let (last, next) = match end {
         // The audit trail has it.
@@ -115,7 +121,7 @@ async fn end_of(guest: Guest, end: End) -> Option<Guest> {
         }
         End::Idle => (word(&guest, "idle for too long"), None),
         End::Displaced(next) => {
-            let reason = format!("{SESSIONS_MAX} at a time, and {} is newer than this idle one", next.who);
+            let reason = format!("{count} at a time, and {} is newer than this idle one", next.who);
             (word(&guest, &reason), Some(next))
         }
     };
@@ -222,7 +228,7 @@ mod tests {
     fn an_idle_session_ends_and_says_so() {
         let (pool, ports) = (FramePool::new(&[], 0), Ports::<0>::new());
         let gateway = Gateway::new(&pool, &ports, &[]);
-        let sessions = Sessions { idle_max: Duration::from_millis(50), ..Sessions::default() };
+        let sessions = Sessions { idle_max: Duration::from_millis(50), ..Sessions::new(1) };
         let (mut ours, theirs) = UnixStream::pair().unwrap();
         let peer = Peer::of(&theirs).unwrap();
         sessions.admit(Guest::by_socket(theirs, &peer).unwrap());

@@ -27,6 +27,12 @@ fn after(lines: &[&str]) -> String {
     changed(FILE, lines)
 }
 
+/// `file` after `lines` is `file` with these texts replaced.
+fn check(file: &str, lines: &[&str], replaced: &[(&str, &str)]) {
+    let expected = replaced.iter().fold(file.to_owned(), |text, (old, new)| text.replace(old, new));
+    assert_eq!(changed(file, lines), expected, "{lines:?}");
+}
+
 fn changed(file: &str, lines: &[&str]) -> String {
     let mut settings = parse(file).unwrap();
     for line in lines {
@@ -45,33 +51,29 @@ fn a_file_that_says_so_already_stays_as_it_is() {
 
 #[test]
 fn a_changed_line_stands_where_its_old_one_stood_with_its_comment() {
-    let expected = FILE.replace(
-        "port  P2   serial /dev/ttyUSB1 rtu client 9600 8N1   # the pumps",
-        "port P2   serial /dev/ttyUSB1 rtu client 19200 8N1 # the pumps",
-    );
-    assert_eq!(after(&["edit port P2 19200"]), expected);
-    let expected = FILE.replace("route P502 1-64 * * P1", "route P502 1-64    * * P2");
-    assert_eq!(after(&["edit route 1 P502 1-64 * * P2"]), expected);
+    let old = "port  P2   serial /dev/ttyUSB1 rtu client 9600 8N1   # the pumps";
+    let new = "port P2   serial /dev/ttyUSB1 rtu client 19200 8N1 # the pumps";
+    check(FILE, &["edit port P2 19200"], &[(old, new)]);
+    let rule = ("route P502 1-64 * * P1", "route P502 1-64    * * P2");
+    check(FILE, &["edit route 1 P502 1-64 * * P2"], &[rule]);
 }
 
 #[test]
 fn new_lines_go_behind_the_last_of_their_kind() {
-    let expected = FILE
-        .replace("server 502\n", "server 502\nport P3   tcp client 10.0.0.1:502\n")
-        .replace("P2 readonly\n", "P2 readonly\nroute P502 80      * * P3\n");
-    assert_eq!(after(&["port P3 tcp client 10.0.0.1", "route P502 80 * * P3"]), expected);
+    let port = ("server 502\n", "server 502\nport P3   tcp client 10.0.0.1:502\n");
+    let rule = ("P2 readonly\n", "P2 readonly\nroute P502 80      * * P3\n");
+    check(FILE, &["port P3 tcp client 10.0.0.1", "route P502 80 * * P3"], &[port, rule]);
     // A longer name widens the columns of new lines, and leaves old ones alone.
-    let expected = FILE.replace("server 502\n", "server 502\nport substation tcp client 10.0.0.1:502\n");
-    assert_eq!(after(&["port substation tcp client 10.0.0.1"]), expected);
+    let port = ("server 502\n", "server 502\nport substation tcp client 10.0.0.1:502\n");
+    check(FILE, &["port substation tcp client 10.0.0.1"], &[port]);
 }
 
 #[test]
 fn removed_lines_go_and_nothing_else_is_lost() {
-    let expected = FILE.replace("route P502 1-64 * * P1\n", "");
-    assert_eq!(after(&["delete route 1"]), expected);
-    let expected =
-        expected.replace("port  P1   serial /dev/ttyUSB0 rtu client 9600 8N1   # the burners\n", "");
-    assert_eq!(after(&["delete route 1", "delete port P1"]), expected);
+    let rule = ("route P502 1-64 * * P1\n", "");
+    check(FILE, &["delete route 1"], &[rule]);
+    let port = ("port  P1   serial /dev/ttyUSB0 rtu client 9600 8N1   # the burners\n", "");
+    check(FILE, &["delete route 1", "delete port P1"], &[rule, port]);
     let comments = "# Boiler house\n\n\n# SCADA reads all\n# except that one\n\n# the end\n";
     let all = ["delete routes", "delete port P1", "delete port P2", "delete port P502"];
     assert_eq!(after(&all), comments);
@@ -79,21 +81,19 @@ fn removed_lines_go_and_nothing_else_is_lost() {
 
 #[test]
 fn rules_are_inserted_and_moved_where_their_order_wants_them() {
-    let expected = FILE.replace("# SCADA reads all\n", "route P502 9       * * P2\n# SCADA reads all\n");
-    assert_eq!(after(&["insert route 1 P502 9 * * P2"]), expected);
-    let expected = FILE.replace("* P1\n", "* P1\nroute P502 9       * * P2\n");
-    assert_eq!(after(&["insert route 2 P502 9 * * P2"]), expected);
+    let first = ("# SCADA reads all\n", "route P502 9       * * P2\n# SCADA reads all\n");
+    check(FILE, &["insert route 1 P502 9 * * P2"], &[first]);
+    let second = ("* P1\n", "* P1\nroute P502 9       * * P2\n");
+    check(FILE, &["insert route 2 P502 9 * * P2"], &[second]);
     let moved = after(&["move route 1 2"]);
-    assert_eq!(
-        print(&parse(&moved).unwrap()),
-        "\
+    let expected = "\
 port P1   serial /dev/ttyUSB0 rtu client 9600 8N1
 port P2   serial /dev/ttyUSB1 rtu client 9600 8N1
 port P502 tcp server 502
 route P502 70      10.0.0.7 * P2 readonly
 route P502 1-64    * * P1
-"
-    );
+";
+    assert_eq!(print(&parse(&moved).unwrap()), expected);
 }
 
 #[test]
@@ -140,14 +140,12 @@ route P502 2 * * P2
 #[test]
 fn multicast_dns_is_a_line_as_any_other() {
     let file = FILE.to_owned() + "mdns off # the plant forbids it\n";
-    let expected = file.replace("port  P502 tcp server 502", "port P502 tcp server 503");
-    assert_eq!(changed(&file, &["edit port P502 listen 503"]), expected);
-    let expected = file.replace("mdns off # the plant", "mdns on name hall # the plant");
-    assert_eq!(changed(&file, &["mdns on name hall"]), expected);
+    let listen = ("port  P502 tcp server 502", "port P502 tcp server 503");
+    check(&file, &["edit port P502 listen 503"], &[listen]);
+    check(&file, &["mdns on name hall"], &[("mdns off #", "mdns on name hall #")]);
     // The default is said where something else was.
-    let on = file.replace("mdns off # the plant", "mdns on # the plant");
-    assert_eq!(changed(&file, &["mdns on"]), on);
-    assert_eq!(changed(&on, &["edit port P502 listen 502"]), on);
+    check(&file, &["mdns on"], &[("mdns off #", "mdns on #")]);
+    check(&file.replace("mdns off #", "mdns on #"), &["edit port P502 listen 502"], &[]);
     assert_eq!(after(&["mdns off"]), FILE.to_owned() + "mdns off\n");
 }
 
@@ -160,11 +158,8 @@ point temp boiler 40001 label \"T # 1\" # in K
 ";
     let expected = file.to_owned() + "point out  boiler holding 5\n";
     assert_eq!(changed(file, &["point out boiler 40006"]), expected);
-    let expected = file.replace(
-        "point temp boiler 40001 label \"T # 1\" # in K",
-        "point temp boiler holding 2 label \"T # 1\" # in K",
-    );
-    assert_eq!(changed(file, &["point temp boiler 40003 label \"T # 1\""]), expected);
+    let point = ("point temp boiler 40001", "point temp boiler holding 2");
+    check(file, &["point temp boiler 40003 label \"T # 1\""], &[point]);
 }
 
 #[test]

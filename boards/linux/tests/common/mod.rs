@@ -16,6 +16,8 @@ use std::time::{Duration, Instant};
 
 use rustix::process::{Pid, Signal, kill_process};
 
+pub(crate) mod terminal;
+
 /// Longest wait for anything that a test expects.
 pub(crate) const PATIENCE: Duration = Duration::from_secs(60);
 
@@ -64,6 +66,20 @@ pub(crate) fn mobgate() -> Command {
 /// Runs the program to its end.
 pub(crate) fn output(arguments: &[&str]) -> Output {
     mobgate().args(arguments).output().unwrap()
+}
+
+/// What the program says on its standard error when it refuses to start with these arguments.
+pub(crate) fn refusal(arguments: &[&str]) -> String {
+    let refused = output(arguments);
+    assert_eq!(refused.status.code(), Some(1), "{arguments:?}: {refused:?}");
+    String::from_utf8(refused.stderr).unwrap()
+}
+
+/// A listener at a port that the system has chosen, and the port.
+pub(crate) fn listening() -> (TcpListener, u16) {
+    let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
+    let port = listener.local_addr().unwrap().port();
+    (listener, port)
 }
 
 /// A running program, with the folder of its configuration file.

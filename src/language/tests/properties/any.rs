@@ -156,9 +156,17 @@ fn any_users() -> impl Strategy<Value = Vec<User>> {
     let role = prop_oneof![Just(Role::Viewer), Just(Role::Operator), Just(Role::Engineer)];
     let hash = "\\$argon2id\\$v=19\\$m=(8|19456|262144),t=([1-9]|1[0-6]),p=[1-4]\\$[A-Za-z0-9+/]{22}\\$[A-Za-z0-9+/]{43}";
     let password = prop::option::of(hash.prop_map(|text| PasswordHash::try_from(text.as_str()).unwrap()));
-    prop::collection::vec((role, password), 0..=USERS_MAX).prop_map(|users| {
-        let named = users.into_iter().enumerate();
-        named.map(|(nth, (role, password))| User { name: any_name(nth), role, password }).collect()
+    let key = "AAAAC3NzaC1lZDI1NTE5AAAAI[A-Za-z0-9+/]{43}";
+    let keys = prop::collection::btree_set(key, 0..=USER_KEYS_MAX);
+    prop::collection::vec((role, password, keys), 0..=USERS_MAX).prop_map(|users| {
+        users
+            .into_iter()
+            .enumerate()
+            .map(|(nth, (role, password, keys))| {
+                let keys = keys.iter().map(|key| PublicKey::try_from(key.as_str()).unwrap()).collect();
+                User { name: any_name(nth), role, password, keys }
+            })
+            .collect()
     })
 }
 

@@ -128,8 +128,10 @@ pub(super) fn any_tcp_server(n: usize) -> impl Strategy<Value = PortKind> {
     let idle = prop_oneof![Just(Duration::from_ticks(0)), duration(1_000_000..=86_400_000_000)];
     let reserved_for = prop::collection::vec(any_prefix(), 0..=RESERVED_MAX);
     let allowed = prop::collection::vec(any_prefix(), 0..=RESERVED_MAX);
+    // Where there is no SSH, nobody has such a server.
+    let no_requests = if SSH { StreamFraming::Ssh } else { StreamFraming::Capture };
     (
-        (address, prop_oneof![any_stream(), Just(StreamFraming::Capture)]),
+        (address, prop_oneof![any_stream(), Just(StreamFraming::Capture), Just(no_requests)]),
         (1..=1_000_u16, any::<bool>()),
         idle,
         1..=16_u8,
@@ -153,7 +155,9 @@ pub(super) fn any_tcp_server(n: usize) -> impl Strategy<Value = PortKind> {
                 let listen = TcpListen { address, port: 502 + n as u16 };
                 let pipeline = if framing == StreamFraming::Mbap { pipeline } else { 16 };
                 let (idle, lifetime) = match framing {
-                    StreamFraming::Capture => (Duration::from_secs(60), Duration::from_secs(5)),
+                    StreamFraming::Capture | StreamFraming::Ssh => {
+                        (Duration::from_secs(60), Duration::from_secs(5))
+                    }
                     StreamFraming::Mbap | StreamFraming::Rtu => (idle, lifetime),
                 };
                 PortKind::TcpServer(TcpServerSettings {
@@ -244,6 +248,19 @@ pub(super) fn any_udp_server(n: usize) -> impl Strategy<Value = PortKind> {
     )
 }
 
+/// There can be one, where the image has it.
+// As the variant.
+#[cfg(feature = "web")]
+pub(super) fn any_http() -> impl Strategy<Value = PortKind> {
+    let allowed = prop::collection::vec(any_prefix(), 0..=RESERVED_MAX);
+    let address = prop::option::of((1..=u32::MAX).prop_map(|bits| IpAddr::V4(bits.into())));
+    (address, allowed, any::<bool>()).prop_map(|(address, allowed, cleartext)| PortKind::Http {
+        listen: TcpListen { address, port: 80 },
+        allowed: Allowed(allowed.into_iter().collect()),
+        cleartext,
+    })
+}
+
 pub(super) fn any_stream() -> impl Strategy<Value = StreamFraming> {
     prop_oneof![Just(StreamFraming::Mbap), Just(StreamFraming::Rtu)]
 }
@@ -277,13 +294,16 @@ pub(super) fn any_port(n: usize) -> impl Strategy<Value = Port> {
         any_tcp_server(n).boxed(),
         any_tcp_client().boxed(),
         any_udp_server(n).boxed(),
-        if n == 0 && POINTS { any_ethercat().boxed() } else { any_udp_server(n).boxed() }
+        if n == 0 && POINTS { any_ethercat().boxed() } else { any_udp_server(n).boxed() },
+        // As above.
+        #[cfg(feature = "web")]
+        if n == 1 { any_http().boxed() } else { any_udp_server(n).boxed() },
     ];
     ("[A-Za-z][A-Za-z0-9.-]{0,11}", kind, any_units()).prop_map(move |(name, kind, units)| {
         // The number keeps names apart, also from the reserved ones.
         let captures =
             matches!(&kind, PortKind::TcpServer(server) if server.framing == StreamFraming::Capture);
-        let asked = kind.side() == Side::Server && !captures;
+        let asked = kind.side() == Side::Server && !captures && kind.has_units();
         let units = if asked { units } else { UnitPolicy::default() };
         Port { name: Name::try_from(format!("{name}_{n}").as_str()).unwrap(), kind, units }
     })

@@ -22,7 +22,7 @@ impl<'g, S: TcpStream> TcpConnection<'_, 'g, S> {
         self.active = self.active.max(self.received_at);
         match self.settings.framing {
             StreamFraming::Mbap => self.take_frames(),
-            StreamFraming::Rtu | StreamFraming::Capture => {
+            StreamFraming::Rtu | StreamFraming::Capture | StreamFraming::Ssh => {
                 self.take_response();
                 Ok(())
             }
@@ -230,7 +230,7 @@ impl<'g, S: TcpStream> TcpConnection<'_, 'g, S> {
         // Transaction ids identify late responses. RTU has none, so it needs no slots for lost ids.
         let window = match self.settings.framing {
             StreamFraming::Mbap => self.settings.late_window(),
-            StreamFraming::Rtu | StreamFraming::Capture => Duration::from_ticks(0),
+            StreamFraming::Rtu | StreamFraming::Capture | StreamFraming::Ssh => Duration::from_ticks(0),
         };
         let (now, open) = (Instant::now(), self.pending_requests.len());
         while let Some(pending) = self.pending_requests.expire(now, window) {

@@ -1,0 +1,278 @@
+//! docs/openapi.yaml against the program: each path, method, status and field that it describes, and none besides.
+
+use std::collections::BTreeSet;
+use std::path::Path;
+
+use serde_json::{Value, json};
+
+use crate::common::{self, Program};
+use crate::http::{Request, Response};
+use crate::{Web, with};
+
+/// The description.
+struct Description(Value);
+
+/// A path, a method, and a status.
+type Said = (String, String, u16);
+
+impl Description {
+    fn read() -> Self {
+        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/openapi.yaml");
+        Self(yaml_serde::from_str(&std::fs::read_to_string(file).unwrap()).unwrap())
+    }
+
+    /// What `value` refers to, or itself.
+    fn resolved<'v>(&'v self, value: &'v Value) -> &'v Value {
+        match value["$ref"].as_str() {
+            Some(at) => self.0.pointer(at.trim_start_matches('#')).unwrap_or_else(|| panic!("{at}")),
+            None => value,
+        }
+    }
+
+    /// All that it describes.
+    fn said(&self) -> BTreeSet<Said> {
+        let mut said = BTreeSet::new();
+        for (path, methods) in self.0["paths"].as_object().unwrap() {
+            for (method, operation) in methods.as_object().unwrap() {
+                let statuses = operation["responses"].as_object().unwrap().keys();
+                said.extend(
+                    statuses.map(|status| (path.clone(), method.to_uppercase(), status.parse().unwrap())),
+                );
+            }
+        }
+        said
+    }
+
+    fn operation(&self, path: &str, method: &str) -> &Value {
+        &self.0["paths"][path][method.to_lowercase()]
+    }
+
+    /// The type of the operation's body, if it has one.
+    fn body(&self, path: &str, method: &str) -> Option<String> {
+        let body = self.operation(path, method).get("requestBody")?;
+        self.resolved(body)["content"].as_object().unwrap().keys().next().cloned()
+    }
+
+    /// Holds a response against what is described for it.
+    fn check(&self, path: &str, method: &str, response: &Response) {
+        let described = &self.operation(path, method)["responses"][response.status.to_string()];
+        let described = self.resolved(described);
+        assert!(described["description"].is_string(), "{method} {path}: {response:?}");
+        let Some(content) = described["content"].as_object() else {
+            assert_eq!(response.body, "", "{method} {path}");
+            return;
+        };
+        let kind = response.header("Content-Type").unwrap().split(';').next().unwrap();
+        if kind == "application/json" {
+            self.conforms(&response.json(), &content[kind]["schema"], &format!("{method} {path}"));
+        } else {
+            assert!(content.contains_key(kind), "{method} {path}: {kind}");
+        }
+    }
+
+    /// Holds a value against its schema.
+    fn conforms(&self, value: &Value, schema: &Value, place: &str) {
+        let schema = self.resolved(schema);
+        let kinds: Vec<&str> = match &schema["type"] {
+            Value::Array(kinds) => kinds.iter().map(|kind| kind.as_str().unwrap()).collect(),
+            kind => vec![kind.as_str().unwrap()],
+        };
+        let is_a = |kind: &&str| match *kind {
+            "object" => value.is_object(),
+            "array" => value.is_array(),
+            "string" => value.is_string(),
+            "boolean" => value.is_boolean(),
+            "integer" => value.is_u64() || value.is_i64(),
+            "number" => value.is_number(),
+            "null" => value.is_null(),
+            other => panic!("{other}"),
+        };
+        assert!(kinds.iter().any(is_a), "{place}: {value} is no {kinds:?}");
+        if let Some(known) = schema["enum"].as_array() {
+            assert!(known.contains(value), "{place}: {value} is none of {known:?}");
+        }
+        for (nth, item) in value.as_array().into_iter().flatten().enumerate() {
+            self.conforms(item, &schema["items"], &format!("{place}[{nth}]"));
+        }
+        let Some(object) = value.as_object() else { return };
+        for field in schema["required"].as_array().into_iter().flatten() {
+            assert!(object.contains_key(field.as_str().unwrap()), "{place}: {value} has no {field}");
+        }
+        for (field, value) in object {
+            let schema = schema["properties"].get(field);
+            let schema = schema.unwrap_or_else(|| panic!("{place}: {field} is not described"));
+            self.conforms(value, schema, &format!("{place}.{field}"));
+        }
+    }
+}
+
+/// Calls, and notes what was seen.
+struct Caller {
+    described: Description,
+    web: Web,
+    token: String,
+    seen: BTreeSet<Said>,
+}
+
+impl Caller {
+    fn note(&mut self, path: &str, method: &str, response: Response) -> Response {
+        self.described.check(path, method, &response);
+        self.seen.insert((path.to_owned(), method.to_owned(), response.status));
+        response
+    }
+
+    /// With the token, and a body of the operation's type.
+    fn request(&self, path: &str, method: &str, body: &str) -> Request {
+        let request = self.web.request(method, path).bearer(&self.token);
+        match self.described.body(path, method) {
+            Some(kind) => request.body(&kind, body.as_bytes()),
+            None => request,
+        }
+    }
+
+    fn call(&mut self, path: &str, method: &str, body: &str, status: u16) -> Response {
+        let path = &format!("/api/v1/{path}");
+        let response = self.request(path, method, body).gets(status);
+        self.note(path, method, response)
+    }
+
+    /// The events are as the status is; a fifth connection for them is refused.
+    fn events(&mut self) {
+        let path = "/api/v1/events";
+        let held: Vec<_> = (0..4).map(|_| self.request(path, "GET", "").events(1)).collect();
+        for (head, events, _) in &held {
+            assert!(
+                head.starts_with("HTTP/1.1 200") && head.contains("Content-Type: text/event-stream"),
+                "{head}"
+            );
+            self.described.conforms(&events[0], &json!({"$ref": "#/components/schemas/Status"}), path);
+        }
+        self.seen.insert((path.to_owned(), "GET".to_owned(), 200));
+        self.call("events", "GET", "", 409);
+    }
+
+    /// Provokes the refusals that are alike for all operations.
+    fn refusals(&mut self, path: &str, method: &str) {
+        let Web { port, .. } = self.web;
+        let plain = Request::new(port, method, path);
+        let (body, log_in) =
+            (self.described.body(path, method), path.ends_with("session") && method == "POST");
+        let mut all = vec![
+            (self.request(path, method, "").host("evil.example"), 421),
+            (self.request(path, method, "").header("Origin", "http://evil.example"), 403),
+        ];
+        match &body {
+            Some(kind) => {
+                all.push((plain.clone().bearer(&self.token).body(kind, b"{\xff"), 400));
+                all.push((self.request(path, method, "").header("Transfer-Encoding", "chunked"), 411));
+                all.push((self.request(path, method, &"x".repeat(100_000)), 413));
+                all.push((plain.clone().bearer(&self.token).body("text/html", b"x"), 415));
+            }
+            None => all.push((plain.clone().bearer(&self.token).lines("x"), 400)),
+        }
+        if !log_in {
+            all.push((plain.clone(), 401));
+        }
+        for (request, status) in all {
+            let response = request.gets(status);
+            self.note(path, method, response);
+        }
+        if let Some(kind) = body.filter(|kind| kind == "application/json") {
+            let response = plain.bearer(&self.token).body(&kind, b"{\"surprise\":1}").gets(400);
+            self.note(path, method, response);
+        }
+    }
+}
+
+const SETTINGS: &str = "port P502 tcp server 127.0.0.1:{port}
+port own tcp client 127.0.0.1:{port}
+port many tcp client
+server many unit 1-5 at 127.0.0.1:{port}
+port poll scanner
+device meter unit 1
+point level meter input 0 count 2 as f32 read high label \"Level\"
+point lamps local coil 0 count 12
+route P502 1-9 * * local
+route poll 1 * * own
+";
+
+#[test]
+fn the_program_is_as_its_description_says() {
+    let described = Description::read();
+    let web = with(SETTINGS);
+    let token = web.token("anna");
+    let said = described.said();
+    let mut caller = Caller { described, web, token, seen: BTreeSet::new() };
+    // Somebody is connected.
+    let mut client = caller.web.program.connect();
+    common::ask(&mut client, 1, &[3, 0, 0, 0, 1]);
+
+    let ask = |table, more: &str| format!(r#"{{"port":"own","unit":1,"table":"{table}","address":0{more}}}"#);
+    let candidate = "settings/candidate";
+    caller.call("session", "GET", "", 200);
+    caller.call("settings", "GET", "", 200);
+    for (path, method) in [(candidate, "GET"), (candidate, "DELETE"), ("settings/diff", "GET")] {
+        caller.call(path, method, "", 409);
+    }
+    caller.call("settings/commit", "POST", "{}", 409);
+    caller.call("settings/confirm", "POST", "", 409);
+    caller.call("settings/rollback", "POST", "", 409);
+    caller.call(candidate, "POST", "foo", 422);
+    caller.call(candidate, "PUT", "foo", 422);
+    caller.call(candidate, "POST", "route P502 1-3 * * own", 200);
+    let whole = caller.call(candidate, "GET", "", 200).body;
+    caller.call("settings/diff", "GET", "", 200);
+    caller.call("settings/commit", "POST", r#"{"confirmed":1}"#, 422);
+    caller.call("settings/commit", "POST", r#"{"check":true}"#, 204);
+    caller.call(candidate, "DELETE", "", 204);
+    caller.call(candidate, "PUT", &whole, 200);
+    caller.call("settings/commit", "POST", r#"{"confirmed":60}"#, 204);
+    caller.call(candidate, "POST", "", 409);
+    caller.call(candidate, "PUT", "", 409);
+    let status = caller.call("status", "GET", "", 200).json();
+    assert_eq!(status["candidate"], json!("waiting"));
+    caller.call("settings/rollback", "POST", "", 204);
+    caller.call(candidate, "PUT", &whole, 200);
+    caller.call("settings/commit", "POST", r#"{"confirmed":60}"#, 204);
+    caller.call("settings/confirm", "POST", "", 204);
+    for (path, body) in [
+        ("read", ask("coil", ",\"count\":12")),
+        ("write", ask("coil", ",\"values\":[1,0,1]")),
+        ("ping", r#"{"port":"own","unit":1}"#.to_owned()),
+    ] {
+        caller.call(path, "POST", &body, 200);
+        caller.call(path, "POST", &body.replace("own", "nobody"), 422);
+        // A server is not asked.
+        caller.call(path, "POST", &body.replace("own", "P502"), 409);
+    }
+    caller.call("read", "POST", &ask("holding", ",\"count\":2,\"type\":\"f32\""), 200);
+    let status = caller.call("status", "GET", "", 200).json();
+    for table in ["ports", "servers", "units", "clients", "rules", "devices", "points"] {
+        assert!(!status[table].as_array().unwrap().is_empty(), "{table} of {status}");
+    }
+    caller.events();
+    for (path, method, _) in &said {
+        caller.refusals(path, method);
+    }
+    caller.call("session", "POST", r#"{"user":"anna","password":"let me in"}"#, 200);
+    for _ in 0..5 {
+        caller.call("session", "POST", r#"{"user":"anna","password":"let me out"}"#, 401);
+    }
+    caller.call("session", "POST", r#"{"user":"anna","password":"let me in"}"#, 429);
+    caller.call("session", "DELETE", "", 204);
+    let missed: Vec<_> = said.difference(&caller.seen).collect();
+    assert!(missed.is_empty(), "described, and not seen: {missed:?}");
+    methods(&caller);
+}
+
+/// The program has no method that is not described.
+fn methods(caller: &Caller) {
+    for (path, operations) in caller.described.0["paths"].as_object().unwrap() {
+        let response = caller.web.request("BREW", path).gets(405);
+        let allowed: BTreeSet<String> =
+            response.header("Allow").unwrap().split(", ").map(str::to_lowercase).collect();
+        let known: BTreeSet<String> = operations.as_object().unwrap().keys().cloned().collect();
+        assert_eq!(allowed, known, "{path}");
+    }
+    let _: &Program = &caller.web.program;
+}

@@ -1,0 +1,150 @@
+//! A client for HTTP that sends whatever a test wants.
+
+use std::io::{Read, Write};
+use std::net::{Ipv4Addr, TcpStream};
+
+use serde_json::Value;
+
+use crate::common::PATIENCE;
+
+/// A request, which is sent by a connection of its own.
+#[derive(Clone)]
+pub(crate) struct Request {
+    port: u16,
+    method: String,
+    path: String,
+    host: String,
+    headers: Vec<(String, String)>,
+    body: Option<Vec<u8>>,
+}
+
+/// What came back.
+#[derive(Debug)]
+pub(crate) struct Response {
+    pub(crate) status: u16,
+    head: String,
+    pub(crate) body: String,
+}
+
+impl Request {
+    pub(crate) fn new(port: u16, method: &str, path: &str) -> Self {
+        let (method, path, host) = (method.to_owned(), path.to_owned(), format!("127.0.0.1:{port}"));
+        Self { port, method, path, host, headers: Vec::new(), body: None }
+    }
+
+    pub(crate) fn host(mut self, host: &str) -> Self {
+        self.host = host.to_owned();
+        self
+    }
+
+    pub(crate) fn header(mut self, name: &str, value: &str) -> Self {
+        self.headers.push((name.to_owned(), value.to_owned()));
+        self
+    }
+
+    pub(crate) fn bearer(self, token: &str) -> Self {
+        self.header("Authorization", &format!("Bearer {token}"))
+    }
+
+    pub(crate) fn body(self, kind: &str, body: &[u8]) -> Self {
+        let mut request = self.header("Content-Type", kind);
+        request.body = Some(body.to_owned());
+        request
+    }
+
+    pub(crate) fn json(self, body: &str) -> Self {
+        self.body("application/json", body.as_bytes())
+    }
+
+    pub(crate) fn lines(self, body: &str) -> Self {
+        self.body("text/plain", body.as_bytes())
+    }
+
+    /// Sends it, and reads until the gateway closes the connection.
+    pub(crate) fn send(&self) -> Response {
+        let mut stream = TcpStream::connect((Ipv4Addr::LOCALHOST, self.port)).unwrap();
+        stream.set_read_timeout(Some(PATIENCE)).unwrap();
+        let mut head = format!("{} {} HTTP/1.1\r\nHost: {}\r\n", self.method, self.path, self.host);
+        self.headers.iter().for_each(|(name, value)| head.push_str(&format!("{name}: {value}\r\n")));
+        let body = self.body.clone().unwrap_or_default();
+        if self.body.is_some() {
+            head.push_str(&format!("Content-Length: {}\r\n", body.len()));
+        }
+        stream.write_all(format!("{head}\r\n").as_bytes()).unwrap();
+        // A body that is too large is not read to its end.
+        let _ = stream.write_all(&body);
+        let mut received = Vec::new();
+        let _ = stream.read_to_end(&mut received);
+        Response::parse(&received)
+    }
+
+    /// Sends it, and reads the head and the data of so many events; gives the connection, which is still open, too.
+    pub(crate) fn events(&self, count: usize) -> (String, Vec<Value>, TcpStream) {
+        let mut stream = TcpStream::connect((Ipv4Addr::LOCALHOST, self.port)).unwrap();
+        stream.set_read_timeout(Some(PATIENCE)).unwrap();
+        let mut head = format!("{} {} HTTP/1.1\r\nHost: {}\r\n", self.method, self.path, self.host);
+        self.headers.iter().for_each(|(name, value)| head.push_str(&format!("{name}: {value}\r\n")));
+        stream.write_all(format!("{head}\r\n").as_bytes()).unwrap();
+        let mut received = String::new();
+        while received.matches("\n\n").count() < count {
+            let mut piece = [0; 4_096];
+            let read = stream.read(&mut piece).unwrap();
+            assert!(read > 0, "it ended after {received:?}");
+            received.push_str(&String::from_utf8_lossy(&piece[..read]));
+        }
+        let (head, body) = received.split_once("\r\n\r\n").unwrap();
+        // The last chunk may not be complete: an end is added.
+        let whole = &body[..body.rfind("\n\n").unwrap() + 2];
+        let text = chunks(&format!("{whole}\r\n0\r\n"));
+        let events = text.split_terminator("\n\n").map(|event| event.strip_prefix("data: ").unwrap());
+        (head.to_owned(), events.map(|event| serde_json::from_str(event).unwrap()).collect(), stream)
+    }
+
+    /// The same, of which the status is expected.
+    pub(crate) fn gets(&self, status: u16) -> Response {
+        let response = self.send();
+        assert_eq!(response.status, status, "{} {}: {response:?}", self.method, self.path);
+        response
+    }
+}
+
+impl Response {
+    fn parse(received: &[u8]) -> Self {
+        let text = String::from_utf8_lossy(received).into_owned();
+        let (head, body) = text.split_once("\r\n\r\n").unwrap_or_else(|| panic!("no response: {text:?}"));
+        let status = head.split(' ').nth(1).unwrap().parse().unwrap();
+        let mut response = Self { status, head: head.to_owned(), body: String::new() };
+        response.body = match response.header("Transfer-Encoding") {
+            Some("chunked") => chunks(body),
+            _ => body.to_owned(),
+        };
+        response
+    }
+
+    pub(crate) fn header(&self, name: &str) -> Option<&str> {
+        let headers = self.head.lines().skip(1).filter_map(|line| line.split_once(": "));
+        headers.filter(|(known, _)| known.eq_ignore_ascii_case(name)).map(|(_, value)| value).next()
+    }
+
+    pub(crate) fn json(&self) -> Value {
+        serde_json::from_str(&self.body).unwrap_or_else(|error| panic!("{error}: {self:?}"))
+    }
+
+    /// The message of an error.
+    pub(crate) fn message(&self) -> String {
+        self.json()["error"]["message"].as_str().unwrap().to_owned()
+    }
+}
+
+fn chunks(mut text: &str) -> String {
+    let mut body = String::new();
+    loop {
+        let (length, rest) = text.split_once("\r\n").expect("a chunk");
+        let length = usize::from_str_radix(length, 16).unwrap();
+        if length == 0 {
+            return body;
+        }
+        body.push_str(&rest[..length]);
+        text = rest[length..].strip_prefix("\r\n").unwrap();
+    }
+}

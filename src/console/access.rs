@@ -1,0 +1,172 @@
+//! What the web interface uses of the console: the rows of its tables, the roles of its commands, its direct requests.
+
+use core::fmt::{self, Display};
+
+use embassy_time::{Duration, Instant};
+
+pub(crate) use super::ask::Ask;
+use super::ask::{Question, parse};
+use super::candidate;
+use super::command::commands;
+pub(crate) use super::log_in::Denied;
+pub(crate) use super::output::Written;
+use super::rows::{Values, text};
+pub(crate) use super::show::Show;
+use super::show::write;
+use super::table::Source;
+use crate::gateway::Gateway;
+use crate::gateway::direct_request::DirectRequestError;
+use crate::hal::System;
+use crate::language::{LineError, Words, Wrong};
+use crate::modbus::Exception;
+use crate::modbus::pdu::EXCEPTION_BIT;
+use crate::scanner::{Pdu, RowId, ValueType};
+use crate::settings::{PointAt, Role};
+
+/// Writes the row at `place` of a table: at place 0 the heading. Cells are separated by tabs.
+pub(crate) fn row(
+    gateway: &Gateway<'_>,
+    system: &dyn System,
+    what: Show,
+    place: usize,
+    out: &mut dyn fmt::Write,
+) -> Written {
+    let now = Instant::now();
+    gateway.settings(|settings| write(&Source { gateway, settings, now }, system, what, place, out))
+}
+
+/// The least role that may run the command `name`.
+pub(crate) fn role(name: &str) -> Role {
+    commands().find(|known| known.name == name).map_or(Role::Engineer, |known| known.role)
+}
+
+/// Whether a commit may wait for its confirmation for `time`.
+pub(crate) fn may_wait(time: Duration) -> bool {
+    candidate::CONFIRMED_RANGE.contains(&time)
+}
+
+/// Why a unit was not asked, or did not respond.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum NotAsked {
+    #[error(transparent)]
+    Line(LineError),
+    #[error(transparent)]
+    Request(#[from] DirectRequestError),
+}
+
+/// The response to a direct request.
+pub(crate) struct Response {
+    question: Question,
+    pdu: Pdu,
+    pub(crate) took: Duration,
+}
+
+/// Asks a unit, by the words of `ping`, `read` or `write` in `line`; calls `understood` before.
+pub(crate) async fn ask(
+    gateway: &Gateway<'_>,
+    ask: Ask,
+    line: &str,
+    understood: impl FnOnce(),
+) -> Result<Response, NotAsked> {
+    let mut pdu = Pdu::new();
+    let (question, port) = {
+        let words = Words::new(line);
+        words.take();
+        let parsed = gateway.settings(|settings| parse(settings, ask, &words, &mut pdu));
+        parsed.map_err(|Wrong| NotAsked::Line(words.wrong()))?
+    };
+    let turn = gateway.turn(port)?;
+    understood();
+    let took = turn.ask(question.unit, &mut pdu).await?;
+    if question.value.registers() == 2 {
+        question.order.turn(pdu.get_mut(2..).unwrap_or_default());
+    }
+    Ok(Response { question, pdu, took })
+}
+
+impl Response {
+    pub(crate) fn unit(&self) -> u8 {
+        self.question.unit
+    }
+
+    /// The exception, if the response is one.
+    pub(crate) fn exception(&self) -> Option<Exception> {
+        match *self.pdu {
+            [function, code] if function & EXCEPTION_BIT != 0 => Some(Exception(code)),
+            _ => None,
+        }
+    }
+
+    /// The values that were read, and the first one's address.
+    pub(crate) fn values(&self) -> Option<(u16, Numbers<'_>)> {
+        let Question { ask, first, count, value, .. } = self.question;
+        let cells = self.pdu.get(2..).unwrap_or_default();
+        (ask == Ask::Read).then_some((first, Numbers { value, cells, count: count.into() }))
+    }
+}
+
+/// Values as a list of JSON; what is no number there is `null`.
+pub(crate) struct Numbers<'v> {
+    value: ValueType,
+    cells: &'v [u8],
+    count: usize,
+}
+
+impl Display for Numbers<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("[")?;
+        for nth in 0..self.count {
+            let value = text(format_args!(
+                "{}",
+                Values { value: self.value, cells: self.cells, range: nth..nth + 1 }
+            ));
+            let value = value.trim_start();
+            let is_number = value.trim_start_matches('-').bytes().next().is_some_and(|b| b.is_ascii_digit());
+            write!(f, "{}{}", if nth > 0 { "," } else { "" }, if is_number { value } else { "null" })?;
+        }
+        f.write_str("]")
+    }
+}
+
+/// A data point.
+pub(crate) struct PointRow<'p> {
+    pub(crate) name: &'p str,
+    /// Its device, or `local`.
+    pub(crate) device: &'p str,
+    pub(crate) table: &'p dyn Display,
+    pub(crate) address: u16,
+    pub(crate) status: &'p dyn Display,
+    /// Since the values were read.
+    pub(crate) age: Option<Duration>,
+    pub(crate) label: &'p dyn Display,
+    pub(crate) values: Numbers<'p>,
+}
+
+/// Calls `write` with point `nth`; `None` after the last one.
+pub(crate) fn point<R>(
+    gateway: &Gateway<'_>,
+    nth: usize,
+    write: impl FnOnce(PointRow<'_>) -> R,
+) -> Option<R> {
+    let (scanner, id) = (gateway.scanner()?, RowId(u8::try_from(nth).ok()?));
+    let now = Instant::now();
+    gateway.settings(|settings| {
+        let point = settings.points.get(nth)?;
+        let device = match point.at {
+            PointAt::Device { device, .. } => settings.device_name(device),
+            PointAt::Local { .. } => "local",
+        };
+        Some(scanner.with(|scanner| {
+            write(PointRow {
+                name: &point.name,
+                device,
+                table: &point.kind,
+                address: point.first,
+                status: &scanner.status(id, now),
+                age: scanner.age(id, now),
+                label: &point.label,
+                values: Numbers { value: point.value, cells: scanner.input(id), count: point.count.into() },
+            })
+        }))
+    })
+}

@@ -1,0 +1,110 @@
+//! The settings that the keywords of port lines change, by kind of port.
+
+use super::field::Field;
+use super::port_keys::Key;
+use super::port_limits::{
+    BAUD, CHAR_TIMEOUT, CLIENTS, DOWN_AFTER, HOUR, ID, IDLE, LIFETIME, MINUTE, PIPELINE, REQUESTS, RESERVED,
+    RETRIES, SECOND, SOCKETS, TEN_SECONDS, TIMEOUT, UNIT,
+};
+use crate::scanner::POINTS;
+use crate::settings::{
+    EthercatSettings, SerialSettings, TcpClientSettings, TcpServerSettings, UdpServerSettings,
+};
+
+impl SerialSettings {
+    pub(super) fn field(&mut self, key: Key) -> Option<Field<'_>> {
+        let Self { line, client, server, .. } = self;
+        Some(match key {
+            Key::Device => Field::Device(&mut self.device),
+            Key::Framing(framing) => Field::Framing(&mut self.framing, framing),
+            Key::Side(side) => Field::Side(&mut self.side, side),
+            Key::Baud => Field::Baud(&mut line.baud, &BAUD),
+            Key::Format => Field::Format(line),
+            Key::Gap => Field::AutoTime(&mut line.gap, &SECOND),
+            Key::CharTimeout => Field::AutoTime(&mut line.char_timeout, &CHAR_TIMEOUT),
+            Key::Driver(driver) => Field::Driver(&mut line.driver, driver),
+            Key::DriverBefore => Field::Time(&mut line.driver_before, &SECOND),
+            Key::DriverAfter => Field::Time(&mut line.driver_after, &SECOND),
+            Key::Echo(echo) => Field::Flag(&mut line.echo, echo),
+            Key::AnswerWithin => Field::Time(&mut server.answer_within, &LIFETIME),
+            Key::ReplyDelay => Field::Time(&mut server.reply_delay, &TEN_SECONDS),
+            Key::Timeout => Field::Time(&mut client.timeout, &TIMEOUT),
+            Key::Retries => Field::Small(&mut client.retries, &RETRIES),
+            Key::Turnaround => Field::Time(&mut client.turnaround, &MINUTE),
+            Key::StartDelay => Field::Time(&mut client.start_delay, &HOUR),
+            Key::LateWindow => Field::AutoTime(&mut client.late_window, &HOUR),
+            Key::DownAfter => Field::Small(&mut client.down_after, &DOWN_AFTER),
+            Key::Proof => Field::Proofs(&mut client.proofs),
+            _ => return None,
+        })
+    }
+}
+
+impl TcpServerSettings {
+    pub(super) fn field(&mut self, key: Key) -> Option<Field<'_>> {
+        Some(match key {
+            Key::Listen => Field::Listen(&mut self.listen),
+            Key::Stream(framing) => Field::Stream(&mut self.framing, framing),
+            Key::Clients => Field::Medium(&mut self.clients, &CLIENTS),
+            Key::Idle => Field::Idle(&mut self.idle, &IDLE),
+            Key::Pipeline => Field::Small(&mut self.pipeline, &PIPELINE),
+            Key::Lifetime => Field::Time(&mut self.lifetime, &LIFETIME),
+            Key::Full => Field::Full(&mut self.refuses),
+            Key::Reserve => Field::Reserve(&mut self.reserved, &mut self.reserved_for, &RESERVED),
+            Key::Allow => Field::Allow(&mut self.allowed),
+            _ => return None,
+        })
+    }
+}
+
+impl TcpClientSettings {
+    pub(super) fn field(&mut self, key: Key) -> Option<Field<'_>> {
+        Some(match key {
+            Key::Server => Field::Server(&mut self.server),
+            Key::Stream(framing) => Field::Stream(&mut self.framing, framing),
+            Key::Unit => Field::Unit(&mut self.unit, &UNIT),
+            Key::Sockets => Field::Small(&mut self.sockets, &SOCKETS),
+            Key::InFlight => Field::Small(&mut self.in_flight, &PIPELINE),
+            Key::Timeout => Field::Time(&mut self.timeout, &TIMEOUT),
+            Key::ConnectTimeout => Field::Time(&mut self.connect_timeout, &TIMEOUT),
+            Key::ConnectDelay => Field::Time(&mut self.connect_delay, &MINUTE),
+            Key::RequestDelay => Field::Time(&mut self.request_delay, &MINUTE),
+            Key::Idle => Field::Idle(&mut self.idle, &IDLE),
+            Key::Retries => Field::Small(&mut self.retries, &RETRIES),
+            Key::LateWindow => Field::AutoTime(&mut self.late_window, &HOUR),
+            Key::DownAfter => Field::Small(&mut self.down_after, &DOWN_AFTER),
+            Key::Proof => Field::Proofs(&mut self.proofs),
+            _ => return None,
+        })
+    }
+}
+
+impl UdpServerSettings {
+    pub(super) fn field(&mut self, key: Key) -> Option<Field<'_>> {
+        Some(match key {
+            Key::Listen => Field::Listen(&mut self.listen),
+            Key::Pipeline => Field::Small(&mut self.pipeline, &PIPELINE),
+            Key::Requests => Field::Small(&mut self.requests, &REQUESTS),
+            Key::Lifetime => Field::Time(&mut self.lifetime, &LIFETIME),
+            Key::Allow => Field::Allow(&mut self.allowed),
+            _ => return None,
+        })
+    }
+}
+
+impl EthercatSettings {
+    pub(super) fn field(&mut self, key: Key) -> Option<Field<'_>> {
+        Some(match key {
+            // Its keywords exist only in images with points.
+            _ if !POINTS => return None,
+            Key::Interface => Field::Interface(&mut self.interface),
+            Key::Line => Field::Line(&mut self.line),
+            Key::OnLoss => Field::OnLoss(&mut self.on_loss),
+            Key::ProveOutputs(prove) => Field::Flag(&mut self.prove_outputs, prove),
+            Key::Emergencies(sent) => Field::Flag(&mut self.emergencies, sent),
+            Key::Modules(modules) => Field::Flag(&mut self.modules, modules),
+            Key::Id => Field::Id(&mut self.id, &ID),
+            _ => return None,
+        })
+    }
+}

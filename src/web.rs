@@ -1,0 +1,174 @@
+//! The web interface: HTTP with JSON at `/api/v1`, on the port that the settings name; docs/openapi.yaml describes it.
+//!
+//! A request passes `guard` (its host and origin), `api` (its path, its user and the user's role), and one of the `calls`,
+//! which do what the console's commands do, by the same tables, candidate and direct requests. What they return is an
+//! `answer`, sent row by row. The framing is picoserve's, over the board's streams.
+
+// A refusal is an answer, which is as large as any: there is no heap.
+#![allow(clippy::result_large_err)]
+
+mod answer;
+mod api;
+mod calls;
+mod candidate;
+mod guard;
+mod json;
+mod piece;
+mod session;
+mod status;
+mod transport;
+
+use core::future::pending;
+use core::net::SocketAddr;
+
+use embassy_futures::select::{Either, select};
+use embassy_futures::yield_now;
+use embassy_sync::mutex::Mutex;
+use embassy_time::{Duration, Timer, with_timeout};
+use picoserve::{Config, Router, Server, Timeouts, time};
+
+use self::api::Api;
+use self::transport::{Clock, Halves, REQUEST_BYTES_MAX};
+use crate::gateway::{Gateway, PortState};
+use crate::hal::{OpenError, OpenErrorKind, Store, System, TcpHost, TcpStream};
+use crate::port::server::listening;
+use crate::settings::{Allowed, PortId, PortKind, Settings, TcpListen};
+use crate::stats::Event;
+
+/// Pause after a failed accept.
+const ACCEPT_PAUSE: Duration = Duration::from_millis(200);
+/// A connection is closed at this age: the longest wait for a device's response, and some time for both ways.
+const AGE_MAX: Duration = Duration::from_secs(140);
+
+/// A request must begin, and must have arrived, within these times; a piece of the response must be taken within the last one.
+const TIMEOUTS: Timeouts = Timeouts {
+    start_read_request: time::Duration::from_secs(3),
+    persistent_start_read_request: time::Duration::from_secs(3),
+    read_request: time::Duration::from_secs(5),
+    write: time::Duration::from_secs(5),
+};
+/// One request each, so that nobody keeps others from a connection.
+const CONFIG: Config = Config::new(TIMEOUTS).close_connection_after_response();
+
+/// Nobody could use it.
+const OFF: OpenError = OpenError::new(
+    OpenErrorKind::Denied,
+    "until somebody can log in: user NAME role engineer, password NAME",
+);
+
+/// The port of the web interface.
+#[derive(PartialEq, Eq)]
+struct Port {
+    id: PortId,
+    listen: TcpListen,
+    /// Somebody could log in.
+    is_on: bool,
+}
+
+impl Port {
+    fn of(settings: &Settings) -> Option<Self> {
+        let is_on = settings.can_log_in();
+        settings.ports.iter().enumerate().find_map(|(at, port)| match &port.as_ref()?.kind {
+            PortKind::Http { listen, .. } => Some(Self { id: PortId(at as u8), listen: *listen, is_on }),
+            _ => None,
+        })
+    }
+}
+
+/// Who may use the port, and whether other machines may.
+fn terms(settings: &Settings, id: PortId) -> Option<(&Allowed, bool)> {
+    match &settings.port(id)?.kind {
+        PortKind::Http { allowed, cleartext, .. } => Some((allowed, *cleartext)),
+        _ => None,
+    }
+}
+
+/// Serves one connection after another, forever, as task number `nth`: a board runs up to 8, which are as many connections at a time.
+pub async fn run<H: TcpHost, S: Store, Y: System>(
+    gateway: &Gateway<'_>,
+    nth: usize,
+    host: &mut H,
+    store: &mut S,
+    system: &Y,
+) {
+    let Some(changed) = gateway.web.changed(nth) else { return pending().await };
+    loop {
+        let port = gateway.settings(Port::of);
+        let at = port.and_then(|port| Some((gateway.ports().get(port.id.index())?, port)));
+        let Some((port_state, port)) = at else {
+            changed.wait().await;
+            continue;
+        };
+        if !port.is_on {
+            listening::fails(port_state, "TCP", port.listen.port, OFF);
+            changed.wait().await;
+            continue;
+        }
+        let moved = async {
+            while gateway.settings(Port::of).as_ref() == Some(&port) {
+                // The port was restarted, but not its listener.
+                listening::listens(port_state, "TCP", port.listen.port, || None);
+                changed.wait().await;
+            }
+        };
+        match select(moved, accept(gateway, port_state, &port, host)).await {
+            // The others let go of their listener, too, before another one is opened.
+            Either::First(()) => yield_now().await,
+            Either::Second(Ok((stream, peer))) => {
+                serve(gateway, port.id, stream, peer, (&mut *store, system)).await;
+            }
+            Either::Second(Err(error)) => {
+                listening::fails(port_state, "TCP", port.listen.port, error);
+                select(changed.wait(), Timer::after(ACCEPT_PAUSE)).await;
+            }
+        }
+    }
+}
+
+/// Accepts the next client.
+async fn accept<'h, H: TcpHost>(
+    gateway: &Gateway<'_>,
+    port_state: &PortState,
+    port: &Port,
+    host: &'h mut H,
+) -> Result<(H::Stream<'h>, SocketAddr), OpenError> {
+    host.listen(&port.listen)?;
+    listening::listens(port_state, "TCP", port.listen.port, || {
+        let everybody = Allowed::everybody();
+        let is_open =
+            gateway.settings(|settings| terms(settings, port.id).map(|(allowed, _)| *allowed == everybody));
+        host.public_address(&port.listen).filter(|_| is_open == Some(true))
+    });
+    host.accept(&port.listen).await
+}
+
+/// Serves the client at `peer`.
+async fn serve<S: Store, Y: System>(
+    gateway: &Gateway<'_>,
+    id: PortId,
+    mut stream: impl TcpStream,
+    peer: SocketAddr,
+    (store, system): (&mut S, &Y),
+) {
+    let peer = peer.ip().to_canonical();
+    let cleartext = gateway.settings(|settings| {
+        terms(settings, id).filter(|(allowed, _)| allowed.admits(peer)).map(|(_, cleartext)| cleartext)
+    });
+    if let Some(cleartext) = cleartext {
+        let mut buffer = [0; REQUEST_BYTES_MAX];
+        let app = Router::from_service(Api {
+            gateway,
+            store: Mutex::new(store),
+            system,
+            port: id,
+            peer,
+            cleartext,
+        });
+        let server = Server::custom(&app, Clock, &CONFIG, &mut buffer);
+        // What is wrong with a connection ends it.
+        let _ = with_timeout(AGE_MAX, server.serve(Halves::new(&mut stream))).await;
+    } else {
+        listening::refuses(gateway, id, peer, Event::Unwelcome);
+    }
+    stream.close().await;
+}

@@ -1,0 +1,288 @@
+//! What a request gets: a status, and a short text or a stream of pieces, which are made when they are sent.
+
+use core::fmt::{self, Display, Write as _};
+
+use embassy_futures::yield_now;
+use embassy_time::{Duration, Timer};
+use heapless::String;
+use picoserve::ResponseSent;
+use picoserve::io::{Read, Write};
+use picoserve::response::chunked::{ChunkWriter, ChunkedResponse, Chunks, ChunksWritten};
+use picoserve::response::{Connection, IntoResponse, Response, ResponseWriter, StatusCode};
+
+use super::json::Quoted;
+use super::piece::{Piece, Source};
+use super::session;
+use super::status::Status;
+use crate::console::access;
+use crate::console::diff::restarting;
+use crate::gateway::difference::Difference;
+use crate::gateway::web::Token;
+use crate::gateway::{Candidate, Gateway};
+use crate::language::{LineError, Shown, write_shown_line};
+
+/// Fits the longest answer that is made before it is sent.
+pub(super) type Text = String<2_048>;
+/// A message, which is cut if it is longer.
+type Message = String<512>;
+
+/// Time between two events of live values.
+const LIVE_PAUSE: Duration = Duration::from_secs(1);
+
+const FULL: &str = "as many as can be have live values: later, or GET /api/v1/status";
+
+/// Sent with each answer: nobody stores it, and no page shows it.
+const HEADERS: &[(&str, &str)] = &[
+    ("Cache-Control", "no-store"),
+    ("X-Content-Type-Options", "nosniff"),
+    ("Content-Security-Policy", "default-src 'none'; frame-ancestors 'none'"),
+];
+
+/// The answer to a request.
+pub(super) struct Answer {
+    status: u16,
+    header: Option<(&'static str, String<128>)>,
+    content: Content,
+}
+
+/// Its content.
+// One at a time.
+#[allow(clippy::large_enum_variant)]
+pub(super) enum Content {
+    Nothing,
+    Json(Text),
+    Status(Status),
+    /// The status as events, until the session ends.
+    Live(Status, Token),
+    /// The settings in force, or of the candidate, from a line on.
+    Settings {
+        candidate: bool,
+        line: usize,
+    },
+    Diff(Difference, Part),
+    /// The response of a unit.
+    Values(access::Response, Part),
+}
+
+/// How far an object has been written.
+#[derive(Default, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Part {
+    #[default]
+    Head,
+    First,
+    More,
+    Over,
+}
+
+impl Answer {
+    pub(super) fn ok(content: Content) -> Self {
+        Self { status: 200, header: None, content }
+    }
+
+    /// Done, and there is nothing to tell.
+    pub(super) fn done() -> Self {
+        Self { status: 204, header: None, content: Content::Nothing }
+    }
+
+    /// A short object.
+    pub(super) fn json(status: u16, text: fmt::Arguments<'_>) -> Self {
+        let mut json = Text::new();
+        // Sized for what is written.
+        let _ = json.write_fmt(text);
+        Self { status, header: None, content: Content::Json(json) }
+    }
+
+    /// An error with its message.
+    pub(super) fn error(status: u16, what: &dyn Display) -> Self {
+        let mut message = Message::new();
+        // See `Message`.
+        let _ = write!(message, "{what}");
+        Self::json(status, format_args!("{{\"error\":{{\"message\":{}}}}}", Quoted(message)))
+    }
+
+    /// An error in line `number` of a text, or in the line that was made of a request.
+    pub(super) fn wrong_line(number: Option<usize>, line: &str, error: &LineError) -> Self {
+        let (mut message, mut text) = (Message::new(), Message::new());
+        // See `Message`.
+        let _ = write!(message, "{error}");
+        line.chars().take_while(|char| text.push(*char).is_ok()).for_each(drop);
+        let number = number.unwrap_or(1);
+        Self::json(
+            422,
+            format_args!(
+                "{{\"error\":{{\"message\":{},\"line\":{number},\"column\":{},\"word\":{},\"text\":{}}}}}",
+                Quoted(message),
+                error.column,
+                Quoted(&error.word),
+                Quoted(text)
+            ),
+        )
+    }
+
+    /// Adds a header.
+    pub(super) fn with_header(mut self, name: &'static str, value: fmt::Arguments<'_>) -> Self {
+        let mut text = String::new();
+        // Sized for what is written.
+        let _ = text.write_fmt(value);
+        self.header = Some((name, text));
+        self
+    }
+
+    /// Sends it.
+    pub(super) async fn send<R: Read, W: ResponseWriter<Error = R::Error>>(
+        self,
+        source: Source<'_, '_>,
+        connection: Connection<'_, R>,
+        writer: W,
+    ) -> Result<ResponseSent, W::Error> {
+        let is_live = matches!(self.content, Content::Live(..));
+        let held = is_live.then(|| source.gateway.web.hold());
+        let Self { status, header, content } = match held {
+            Some(None) => Self::error(409, &FULL),
+            _ => self,
+        };
+        let status = StatusCode::new(status);
+        let header = header.as_ref().map(|(name, value)| (*name, value.as_str()));
+        match content {
+            Content::Nothing => {
+                let response = Response::empty(status).with_headers(HEADERS).with_headers(header);
+                response.write_to(connection, writer).await
+            }
+            Content::Json(text) => {
+                let response = Response::new(status, text.as_str()).with_content_type("application/json");
+                response.with_headers(HEADERS).with_headers(header).write_to(connection, writer).await
+            }
+            content => {
+                let response = ChunkedResponse::new(Pieces { source, content }).into_response();
+                response.with_status_code(status).with_headers(HEADERS).write_to(connection, writer).await
+            }
+        }
+    }
+}
+
+/// A stream of pieces.
+struct Pieces<'a, 'g> {
+    source: Source<'a, 'g>,
+    content: Content,
+}
+
+impl Chunks for Pieces<'_, '_> {
+    fn content_type(&self) -> &'static str {
+        match self.content {
+            Content::Settings { .. } => "text/plain; charset=utf-8",
+            Content::Live(..) => "text/event-stream",
+            _ => "application/json",
+        }
+    }
+
+    async fn write_chunks<W: Write>(mut self, mut writer: ChunkWriter<W>) -> Result<ChunksWritten, W::Error> {
+        let mut piece = Piece::new();
+        // A piece that does not fit ends the answer, which its receiver finds incomplete.
+        loop {
+            while self.content.next(&self.source, &mut piece) == Ok(true) {
+                writer.write_chunk(piece.as_bytes()).await?;
+                piece.clear();
+                // Whoever else waits has a turn between two rows.
+                yield_now().await;
+            }
+            let Content::Live(status, token) = &mut self.content else { break };
+            Timer::after(LIVE_PAUSE).await;
+            // It is not used by that: it ends at its time.
+            if session::user(self.source.gateway, token, false).is_none() {
+                break;
+            }
+            *status = Status::default();
+        }
+        writer.finalize().await
+    }
+}
+
+impl Content {
+    /// Writes the next piece; `false`: there was none.
+    fn next(&mut self, source: &Source<'_, '_>, out: &mut Piece) -> Result<bool, fmt::Error> {
+        match self {
+            Self::Nothing | Self::Json(_) => Ok(false),
+            Self::Status(status) => status.next(source, out),
+            Self::Live(status, ..) => {
+                // An event is a line: in JSON, line ends are escaped.
+                out.write_str(if status.is_new() { "data: " } else { "" })?;
+                let more = status.next(source, out)?;
+                out.write_str(if more && status.has_just_ended() { "\n\n" } else { "" }).map(|()| more)
+            }
+            Self::Settings { candidate, line } => {
+                let written = settings_line(source.gateway, *candidate, *line, out).transpose()?;
+                *line += 1;
+                written.map_or(Ok(false), |()| out.write_str("\n").map(|()| true))
+            }
+            Self::Diff(diff, part) => next_of_diff(source.gateway, diff, part, out),
+            Self::Values(response, part) => {
+                if *part == Part::Over {
+                    return Ok(false);
+                }
+                *part = Part::Over;
+                values(response, out).map(|()| true)
+            }
+        }
+    }
+}
+
+/// Line `n` of the settings.
+fn settings_line(
+    gateway: &Gateway<'_>,
+    of_candidate: bool,
+    n: usize,
+    out: &mut Piece,
+) -> Option<fmt::Result> {
+    match of_candidate.then(|| gateway.candidate().map(Candidate::settings)) {
+        Some(candidate) => write_shown_line(&*candidate?.ok()?, n, Shown::Apart, out),
+        None => gateway.settings(|settings| write_shown_line(settings, n, Shown::Apart, out)),
+    }
+}
+
+/// `{"lines":["- ...","+ ..."],"restarts":["P1"]}`
+fn next_of_diff(
+    gateway: &Gateway<'_>,
+    diff: &mut Difference,
+    part: &mut Part,
+    out: &mut Piece,
+) -> Result<bool, fmt::Error> {
+    let separator = match part {
+        Part::Head => {
+            *part = Part::First;
+            return out.write_str("{\"lines\":[").map(|()| true);
+        }
+        Part::First => "",
+        Part::More => ",",
+        Part::Over => return Ok(false),
+    };
+    // It was there before; without it, nothing differs any more.
+    let candidate = gateway.candidate().and_then(|candidate| candidate.settings().ok());
+    let next = candidate.as_ref().and_then(|new| gateway.settings(|in_force| diff.next(in_force, new)));
+    if let Some((sign, line)) = next {
+        *part = Part::More;
+        return write!(out, "{separator}{}", Quoted(format_args!("{sign} {line}"))).map(|()| true);
+    }
+    *part = Part::Over;
+    out.write_str("],\"restarts\":[")?;
+    if let Some(new) = &candidate {
+        gateway.settings(|in_force| {
+            restarting(in_force, new)
+                .enumerate()
+                .try_for_each(|(nth, name)| write!(out, "{}{}", if nth > 0 { "," } else { "" }, Quoted(name)))
+        })?;
+    }
+    out.write_str("]}").map(|()| true)
+}
+
+/// `{"unit":7,"took_us":1234,"address":0,"values":[1,2]}`
+fn values(response: &access::Response, out: &mut Piece) -> fmt::Result {
+    write!(out, "{{\"unit\":{},\"took_us\":{}", response.unit(), response.took.as_micros())?;
+    match (response.exception(), response.values()) {
+        (Some(exception), _) => {
+            let (code, text) = (exception.0, Quoted(exception));
+            write!(out, ",\"exception\":{{\"code\":{code},\"message\":{text}}}}}")
+        }
+        (None, Some((address, values))) => write!(out, ",\"address\":{address},\"values\":{values}}}"),
+        (None, None) => out.write_str("}"),
+    }
+}

@@ -1,0 +1,227 @@
+//! The paths of the interface: who may call what. The table is the whole interface.
+
+use core::net::IpAddr;
+
+use embassy_sync::blocking_mutex::raw::NoopRawMutex;
+use embassy_sync::mutex::Mutex;
+use embassy_time::Timer;
+use picoserve::ResponseSent;
+use picoserve::io::Read;
+use picoserve::request::{Path, Request, RequestBody, RequestParts};
+use picoserve::response::ResponseWriter;
+use picoserve::routing::PathRouterService;
+
+use super::answer::Answer;
+use super::guard::{self, Foreign};
+use super::piece::Source;
+use super::session::{self, Shows};
+use crate::console::access::{self, Ask, Denied};
+use crate::gateway::Gateway;
+use crate::gateway::audit::{Actor, Topic};
+use crate::gateway::web::Token;
+use crate::hal::{Store, System};
+use crate::settings::{Name, PortId, Role};
+
+/// What is called.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Call {
+    LogIn,
+    Session,
+    LogOut,
+    Status,
+    Events,
+    Settings,
+    Candidate,
+    /// Lines that make the candidate, or change it.
+    Replace,
+    Change,
+    Discard,
+    Diff,
+    Commit,
+    Confirm,
+    RollBack,
+    Direct(Ask),
+}
+
+/// The kind of a request's body.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Takes {
+    Nothing,
+    Lines,
+    Json,
+}
+
+/// Path, method, call, body, and the command of the console that needs the same role; none: every user may.
+type Route = (&'static str, &'static str, Call, Takes, Option<&'static str>);
+
+const ROUTES: &[Route] = &[
+    ("/api/v1/session", "POST", Call::LogIn, Takes::Json, None),
+    ("/api/v1/session", "GET", Call::Session, Takes::Nothing, None),
+    ("/api/v1/session", "DELETE", Call::LogOut, Takes::Nothing, None),
+    ("/api/v1/status", "GET", Call::Status, Takes::Nothing, Some("show")),
+    ("/api/v1/events", "GET", Call::Events, Takes::Nothing, Some("show")),
+    ("/api/v1/settings", "GET", Call::Settings, Takes::Nothing, Some("show")),
+    ("/api/v1/settings/candidate", "GET", Call::Candidate, Takes::Nothing, Some("show")),
+    ("/api/v1/settings/candidate", "PUT", Call::Replace, Takes::Lines, Some("candidate")),
+    ("/api/v1/settings/candidate", "POST", Call::Change, Takes::Lines, Some("candidate")),
+    ("/api/v1/settings/candidate", "DELETE", Call::Discard, Takes::Nothing, Some("discard")),
+    ("/api/v1/settings/diff", "GET", Call::Diff, Takes::Nothing, Some("diff")),
+    ("/api/v1/settings/commit", "POST", Call::Commit, Takes::Json, Some("commit")),
+    ("/api/v1/settings/confirm", "POST", Call::Confirm, Takes::Nothing, Some("commit")),
+    ("/api/v1/settings/rollback", "POST", Call::RollBack, Takes::Nothing, Some("rollback")),
+    ("/api/v1/read", "POST", Call::Direct(Ask::Read), Takes::Json, Some("read")),
+    ("/api/v1/write", "POST", Call::Direct(Ask::Write), Takes::Json, Some("write")),
+    ("/api/v1/ping", "POST", Call::Direct(Ask::Ping), Takes::Json, Some("ping")),
+];
+
+const CLEARTEXT: &str = "it is not encrypted: from this machine only, unless the port says cleartext";
+const LOG_IN: &str = "log in first: POST /api/v1/session with user and password";
+
+/// The interface for one connection.
+pub(super) struct Api<'a, 'g, S, Y> {
+    pub(super) gateway: &'a Gateway<'g>,
+    pub(super) store: Mutex<NoopRawMutex, &'a mut S>,
+    pub(super) system: &'a Y,
+    /// The port, and the client.
+    pub(super) port: PortId,
+    pub(super) peer: IpAddr,
+    /// Whether other machines may use it.
+    pub(super) cleartext: bool,
+}
+
+/// Who calls.
+pub(super) struct Caller {
+    pub(super) name: Name,
+    pub(super) role: Role,
+    pub(super) peer: IpAddr,
+    pub(super) token: Token,
+}
+
+impl Caller {
+    pub(super) fn actor(&self) -> Actor<'_> {
+        Actor::User { name: &self.name, peer: self.peer }
+    }
+}
+
+impl<S: Store, Y: System> PathRouterService for Api<'_, '_, S, Y> {
+    async fn call_path_router_service<R: Read, W: ResponseWriter<Error = R::Error>>(
+        &self,
+        (): &(),
+        (): (),
+        path: Path<'_>,
+        mut request: Request<'_, R>,
+        writer: W,
+    ) -> Result<ResponseSent, W::Error> {
+        let turn = self.gateway.web.turns.take(embassy_time::Instant::now());
+        Timer::at(turn).await;
+        let answer = self.answer(path.encoded(), &request.parts, request.body_connection.body()).await;
+        let connection = request.body_connection.finalize().await?;
+        answer.send(Source { gateway: self.gateway, system: self.system }, connection, writer).await
+    }
+}
+
+impl<S: Store, Y: System> Api<'_, '_, S, Y> {
+    async fn answer<R: Read>(
+        &self,
+        path: &str,
+        parts: &RequestParts<'_>,
+        body: RequestBody<'_, R>,
+    ) -> Answer {
+        let (call, takes, caller) = match self.admit(path, parts) {
+            Ok(admitted) => admitted,
+            Err(refusal) => return refusal,
+        };
+        if let Err(refusal) = takes.check(parts, body.content_length()) {
+            return refusal;
+        }
+        if !body.entire_body_fits_into_buffer() {
+            return Answer::error(413, &"the body is too large");
+        }
+        let Ok(body) = body.read_all().await else {
+            return Answer::error(400, &"the body did not come as announced");
+        };
+        let Ok(body) = core::str::from_utf8(body) else {
+            return Answer::error(400, &"the body is not text (UTF-8)");
+        };
+        match caller {
+            Some(caller) => self.run(call, &caller, body).await,
+            None => self.log_in(body).await,
+        }
+    }
+
+    /// Finds what is called, and who calls: nobody who logs in. Or refuses.
+    fn admit(&self, path: &str, parts: &RequestParts<'_>) -> Result<(Call, Takes, Option<Caller>), Answer> {
+        let headers = parts.headers();
+        self.gateway.settings(|settings| guard::check(headers, settings)).map_err(foreign)?;
+        if !self.cleartext && !self.peer.is_loopback() {
+            return Err(Answer::error(403, &CLEARTEXT));
+        }
+        if !ROUTES.iter().any(|(known, ..)| *known == path) {
+            return Err(Answer::error(404, &"there is nothing of this path: see openapi.yaml"));
+        }
+        let is_it = |(known, method, ..): &&Route| *known == path && *method == parts.method();
+        let route = ROUTES.iter().find(is_it).ok_or_else(|| not_allowed(path))?;
+        let (_, method, call, takes, command) = *route;
+        if call == Call::LogIn {
+            return Ok((call, takes, None));
+        }
+        let caller = Shows::of(headers).and_then(|shows| {
+            let (name, role) = session::user(self.gateway, &shows.token, true)?;
+            Some((Caller { name, role, peer: self.peer, token: shows.token }, shows.by_cookie))
+        });
+        let Some((caller, by_cookie)) = caller else {
+            let refusal = Answer::error(401, &LOG_IN);
+            return Err(refusal.with_header("WWW-Authenticate", format_args!("Bearer")));
+        };
+        if by_cookie && method != "GET" {
+            guard::check_cookie(headers).map_err(foreign)?;
+        }
+        let needed = command.map_or(Role::Viewer, access::role);
+        if caller.role < needed {
+            let what = format_args!("{} is denied to the role {}", command.unwrap_or_default(), caller.role);
+            self.gateway.audit_refusal(Topic::DeniedCommand, None, Some(self.peer), what);
+            return Err(Answer::error(403, &Denied::Role { needed, own: caller.role }));
+        }
+        Ok((call, takes, Some(caller)))
+    }
+}
+
+fn foreign(why: Foreign) -> Answer {
+    Answer::error(if why == Foreign::Host { 421 } else { 403 }, &why)
+}
+
+/// Another method is needed.
+fn not_allowed(path: &str) -> Answer {
+    let methods = || ROUTES.iter().filter(|(known, ..)| *known == path).map(|(_, method, ..)| *method);
+    let mut allowed = heapless::String::<64>::new();
+    // Sized for all methods.
+    methods().for_each(|method| {
+        let _ = allowed
+            .push_str(if allowed.is_empty() { "" } else { ", " })
+            .and_then(|()| allowed.push_str(method));
+    });
+    let answer = Answer::error(405, &format_args!("this path has the methods {allowed}"));
+    answer.with_header("Allow", format_args!("{allowed}"))
+}
+
+impl Takes {
+    /// Checks how a body comes.
+    fn check(self, parts: &RequestParts<'_>, length: usize) -> Result<(), Answer> {
+        if parts.headers().get("transfer-encoding").is_some() {
+            return Err(Answer::error(411, &"a body needs its length: Content-Length"));
+        }
+        let kind = match self {
+            Self::Nothing if length > 0 => return Err(Answer::error(400, &"this takes no body")),
+            Self::Nothing => return Ok(()),
+            Self::Lines => "text/plain",
+            Self::Json => "application/json",
+        };
+        let told = parts.headers().get("content-type");
+        let told = told.as_ref().and_then(|told| told.as_str().ok()).unwrap_or_default();
+        let told = told.split(';').next().unwrap_or_default().trim();
+        match told.eq_ignore_ascii_case(kind) {
+            true => Ok(()),
+            false => Err(Answer::error(415, &format_args!("the body must be {kind}"))),
+        }
+    }
+}

@@ -1,0 +1,291 @@
+//! What the calls do.
+
+use core::fmt::{Display, Write};
+
+use embassy_time::{Duration, Instant};
+use heapless::{String, Vec};
+use serde::Deserialize;
+use serde::de::DeserializeOwned;
+
+use super::answer::{Answer, Content, Part};
+use super::api::{Api, Call, Caller};
+use super::candidate::{self, Unchanged};
+use super::json::Quoted;
+use super::session::{COOKIE, Shown};
+use super::status::Status;
+use crate::console::access::{self, Ask, Denied, NotAsked};
+use crate::gateway::audit::Topic;
+use crate::gateway::commit::Uncommitted;
+use crate::gateway::difference::Difference;
+use crate::gateway::direct_request::DirectRequestError;
+use crate::gateway::enter::Refused;
+use crate::gateway::web::Token;
+use crate::gateway::{Candidate, Credential};
+use crate::hal::{Store, System};
+use crate::settings::Name;
+
+/// Fits each text of a body in which characters are escaped.
+const UNESCAPED_BYTES_MAX: usize = 256;
+/// Values of a write.
+const VALUES_MAX: usize = 128;
+/// Fits the line of a request with so many values.
+type Line = String<4_096>;
+/// A word of such a line.
+type Word = String<32>;
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct LogIn {
+    user: String<64>,
+    password: String<64>,
+    /// The token is told, and no cookie is set.
+    #[serde(default)]
+    token: bool,
+}
+
+#[derive(Deserialize, Default)]
+#[serde(deny_unknown_fields)]
+struct Commit {
+    #[serde(default)]
+    check: bool,
+    /// Seconds.
+    #[serde(default)]
+    confirmed: Option<u32>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Direct {
+    port: Word,
+    unit: u8,
+    table: Option<Word>,
+    address: Option<u16>,
+    count: Option<u16>,
+    #[serde(rename = "type")]
+    kind: Option<Word>,
+    order: Option<Word>,
+    values: Option<Vec<f64, VALUES_MAX>>,
+}
+
+/// Reads a body.
+fn parse<T: DeserializeOwned>(body: &str) -> Result<T, Answer> {
+    let wrong =
+        |what: &dyn Display| Answer::error(400, &format_args!("the body is not as described: {what}"));
+    let mut unescaped = [0; UNESCAPED_BYTES_MAX];
+    let parsed = serde_json_core::from_slice_escaped(body.as_bytes(), &mut unescaped);
+    let (value, used) = parsed.map_err(|error| wrong(&error))?;
+    match body.get(used..).is_none_or(|rest| rest.trim().is_empty()) {
+        true => Ok(value),
+        false => Err(wrong(&"something follows the object")),
+    }
+}
+
+fn uncommitted(error: &Uncommitted) -> Answer {
+    Answer::error(if matches!(error, Uncommitted::Apply(_)) { 422 } else { 409 }, error)
+}
+
+impl<S: Store, Y: System> Api<'_, '_, S, Y> {
+    pub(super) async fn run(&self, call: Call, caller: &Caller, body: &str) -> Answer {
+        match call {
+            // Nobody has logged in for it.
+            Call::LogIn => Answer::done(),
+            Call::Session => {
+                let (user, role) = (Quoted(&caller.name), caller.role);
+                Answer::json(200, format_args!("{{\"user\":{user},\"role\":\"{role}\"}}"))
+            }
+            Call::LogOut => {
+                self.gateway.web.end(&caller.token);
+                let cookie = format_args!("{COOKIE}=; HttpOnly; SameSite=Strict; Path=/; Max-Age=0");
+                Answer::done().with_header("Set-Cookie", cookie)
+            }
+            Call::Status => Answer::ok(Content::Status(Status::default())),
+            Call::Events => Answer::ok(Content::Live(Status::default(), caller.token)),
+            Call::Settings => Answer::ok(Content::Settings { candidate: false, line: 0 }),
+            Call::Candidate => {
+                self.with_candidate(|| Answer::ok(Content::Settings { candidate: true, line: 0 }))
+            }
+            Call::Diff => {
+                self.with_candidate(|| Answer::ok(Content::Diff(Difference::default(), Part::default())))
+            }
+            Call::Replace | Call::Change => self.change(body, call == Call::Replace).await,
+            Call::Discard => self.of_candidate(Candidate::discard),
+            Call::Commit => self.commit(caller, body).await,
+            Call::Confirm => self.confirm(caller).await,
+            Call::RollBack => self.roll_back(caller).await,
+            Call::Direct(ask) => self.ask(caller, ask, body).await,
+        }
+    }
+
+    /// `POST /session`
+    pub(super) async fn log_in(&self, body: &str) -> Answer {
+        let LogIn { user, password, token: is_told } = match parse(body) {
+            Ok(log_in) => log_in,
+            Err(refusal) => return refusal,
+        };
+        // A longer name is nobody's either.
+        let name = Name::try_from(user.as_str()).unwrap_or_default();
+        let gateway = self.gateway;
+        let _one_at_a_time = gateway.web.log_in.lock().await;
+        let user = match gateway.enter(self.system, self.peer, &name, Credential::Password(&password)).await {
+            Ok(user) => user,
+            Err(Refused::Pause(pause)) => {
+                let refusal = Answer::error(429, &Denied::Pause(pause));
+                return refusal.with_header("Retry-After", format_args!("{}", pause.as_secs()));
+            }
+            Err(Refused::Wrong) => return Answer::error(401, &Denied::Wrong),
+        };
+        let (role, now, mut token) = (user.role, Instant::now(), Token::default());
+        // Who has entered by a password has one.
+        let password = user.password.unwrap_or_default();
+        if !self.system.random(&mut token) {
+            return Answer::error(403, &Denied::NoHash);
+        }
+        let end = gateway.web.begin(token, name.clone(), password, now);
+        let expires = end.saturating_duration_since(now).as_secs();
+        let head = format_args!("\"user\":{},\"role\":\"{role}\",\"expires_s\":{expires}", Quoted(&name));
+        let token = Shown(token);
+        if is_told {
+            return Answer::json(200, format_args!("{{{head},\"token\":\"{token}\"}}"));
+        }
+        let cookie = format_args!("{COOKIE}={token}; HttpOnly; SameSite=Strict; Path=/");
+        Answer::json(200, format_args!("{{{head}}}")).with_header("Set-Cookie", cookie)
+    }
+
+    fn of_candidate(&self, run: impl FnOnce(&Candidate) -> Result<(), Uncommitted>) -> Answer {
+        match self.gateway.candidate().ok_or(Uncommitted::Nothing).and_then(run) {
+            Ok(()) => Answer::done(),
+            Err(error) => uncommitted(&error),
+        }
+    }
+
+    /// Answers if there is a candidate.
+    fn with_candidate(&self, answer: impl FnOnce() -> Answer) -> Answer {
+        match self.gateway.candidate().map(|candidate| candidate.settings().map(|_| ())) {
+            Some(Ok(())) => answer(),
+            Some(Err(error)) => uncommitted(&error),
+            None => uncommitted(&Uncommitted::Nothing),
+        }
+    }
+
+    async fn change(&self, lines: &str, replaces: bool) -> Answer {
+        // As many as fit.
+        let mut warnings = String::<1_536>::new();
+        let mut warn = |line: usize, warning: &crate::language::Warning| {
+            let length = warnings.len();
+            let comma = if warnings.is_empty() { "" } else { "," };
+            let message = Quoted(warning);
+            if write!(warnings, "{comma}{{\"line\":{line},\"message\":{message}}}").is_err() {
+                warnings.truncate(length);
+            }
+        };
+        match candidate::change(self.gateway, lines, replaces, &mut warn).await {
+            Ok(count) => Answer::json(200, format_args!("{{\"changes\":{count},\"warnings\":[{warnings}]}}")),
+            Err(Unchanged::Line(number, error)) => {
+                let line = lines.lines().nth(number - 1).unwrap_or_default();
+                Answer::wrong_line(Some(number), line, &error)
+            }
+            Err(Unchanged::Uncommitted(error)) => uncommitted(&error),
+        }
+    }
+
+    async fn commit(&self, caller: &Caller, body: &str) -> Answer {
+        let Commit { check, confirmed } = match parse(body) {
+            Ok(commit) => commit,
+            Err(refusal) => return refusal,
+        };
+        let gateway = self.gateway;
+        if check {
+            return self.of_candidate(|candidate| Ok(gateway.check(&*candidate.settings()?)?));
+        }
+        let confirmed = confirmed.map(|seconds| Duration::from_secs(seconds.into()));
+        if confirmed.is_some_and(|time| !access::may_wait(time)) {
+            return Answer::error(422, &"confirmed: expected 10 to 86400 seconds");
+        }
+        self.put_in_force(caller, confirmed).await
+    }
+
+    async fn confirm(&self, caller: &Caller) -> Answer {
+        if !self.gateway.candidate().is_some_and(Candidate::is_waiting) {
+            return uncommitted(&Uncommitted::NotWaiting);
+        }
+        self.put_in_force(caller, None).await
+    }
+
+    async fn put_in_force(&self, caller: &Caller, confirmed: Option<Duration>) -> Answer {
+        let gateway = self.gateway;
+        let Some(candidate) = gateway.candidate() else { return uncommitted(&Uncommitted::Nothing) };
+        match confirmed {
+            Some(time) => {
+                let what = format_args!("commit confirmed {}s", time.as_secs());
+                gateway.audit(Topic::Command, caller.actor(), what);
+            }
+            None => gateway.audit(Topic::Command, caller.actor(), format_args!("commit")),
+        }
+        let mut store = self.store.lock().await;
+        match candidate.commit(gateway, *store, confirmed, (caller.actor(), Some(self.port))).await {
+            Ok(()) => Answer::done(),
+            Err(error) => uncommitted(&error),
+        }
+    }
+
+    async fn roll_back(&self, caller: &Caller) -> Answer {
+        let Some(candidate) = self.gateway.candidate() else { return uncommitted(&Uncommitted::NotWaiting) };
+        self.gateway.audit(Topic::Command, caller.actor(), format_args!("rollback"));
+        match candidate.roll_back(self.gateway, caller.actor()).await {
+            Ok(()) => Answer::done(),
+            Err(error) => uncommitted(&error),
+        }
+    }
+
+    /// `read`, `write`, `ping`
+    async fn ask(&self, caller: &Caller, ask: Ask, body: &str) -> Answer {
+        let line = match parse(body).and_then(|direct| line(ask, &direct)) {
+            Ok(line) => line,
+            Err(refusal) => return refusal,
+        };
+        let understood = || {
+            if ask == Ask::Write {
+                self.gateway.audit(Topic::Command, caller.actor(), format_args!("{line}"));
+            }
+        };
+        match access::ask(self.gateway, ask, &line, understood).await {
+            Ok(response) => Answer::ok(Content::Values(response, Part::default())),
+            Err(NotAsked::Line(error)) => Answer::wrong_line(None, &line, &error),
+            Err(NotAsked::Request(DirectRequestError::Broadcast)) => {
+                Answer::json(200, format_args!("{{\"unit\":0}}"))
+            }
+            Err(error @ NotAsked::Request(_)) => Answer::error(409, &error),
+        }
+    }
+}
+
+/// The command's line for a request.
+fn line(ask: Ask, direct: &Direct) -> Result<Line, Answer> {
+    let words = [Some(&direct.port), direct.table.as_ref(), direct.kind.as_ref(), direct.order.as_ref()];
+    let is_word = |word: &Word| {
+        !word.is_empty() && word.bytes().all(|byte| byte.is_ascii_graphic() && !b"\"#,".contains(&byte))
+    };
+    if !words.into_iter().flatten().all(is_word) {
+        return Err(Answer::error(422, &"port, table, type and order are one word each"));
+    }
+    let mut line = Line::new();
+    write_line(ask, direct, &mut line).map_err(|_| Answer::error(422, &"the request is too long"))?;
+    Ok(line)
+}
+
+fn write_line(ask: Ask, direct: &Direct, line: &mut Line) -> core::fmt::Result {
+    let Direct { port, unit, table, address, count, kind, order, values } = direct;
+    let verb = match ask {
+        Ask::Ping => "ping",
+        Ask::Read => "read",
+        Ask::Write => "write",
+    };
+    write!(line, "{verb} {unit}")?;
+    table.iter().try_for_each(|table| write!(line, " {table}"))?;
+    address.iter().try_for_each(|address| write!(line, " {address}"))?;
+    count.iter().try_for_each(|count| write!(line, " count {count}"))?;
+    kind.iter().try_for_each(|kind| write!(line, " as {kind}"))?;
+    order.iter().try_for_each(|order| write!(line, " order {order}"))?;
+    values.iter().flatten().try_for_each(|value| write!(line, " {value}"))?;
+    write!(line, " via {port}")
+}

@@ -1,0 +1,66 @@
+//! Lines that change the candidate, all or none.
+
+use crate::gateway::commit::Uncommitted;
+use crate::gateway::{Gateway, reconfigure};
+use crate::language::{LineError, apply};
+use crate::settings::Settings;
+
+/// Why nothing was changed.
+pub(super) enum Unchanged {
+    /// An error in a line, by its number from 1.
+    Line(usize, LineError),
+    Uncommitted(Uncommitted),
+}
+
+impl From<Uncommitted> for Unchanged {
+    fn from(error: Uncommitted) -> Self {
+        Self::Uncommitted(error)
+    }
+}
+
+/// Changes the candidate by the lines of `text`, or makes it of them alone if that `replaces` it; begins one where there is none.
+/// Passes on what is likely a mistake. A user who keeps the name keeps the password: nobody was shown its hash.
+pub(super) async fn change(
+    gateway: &Gateway<'_>,
+    text: &str,
+    replaces: bool,
+    warn: &mut dyn FnMut(usize, &crate::language::Warning),
+) -> Result<usize, Unchanged> {
+    let candidate = gateway.candidate().ok_or(Uncommitted::Nothing)?;
+    // The draft is the place to try the lines in.
+    let mut draft = reconfigure::draft(gateway).await;
+    let begins = !candidate.is_open();
+    if begins {
+        candidate.begin(gateway)?;
+    }
+    let mut settings = candidate.settings()?;
+    draft.clone_from(&settings);
+    if replaces {
+        draft.clear();
+    }
+    let mut count = 0;
+    for (nth, line) in text.lines().enumerate() {
+        match apply(&mut draft, line) {
+            Ok(applied) => {
+                count += usize::from(applied.changed);
+                applied.warning.iter().for_each(|warning| warn(nth + 1, warning));
+            }
+            Err(error) => {
+                drop(settings);
+                if begins {
+                    candidate.discard()?;
+                }
+                return Err(Unchanged::Line(nth + 1, error));
+            }
+        }
+    }
+    keep_passwords(&mut draft, &settings);
+    settings.clone_from(&draft);
+    Ok(count)
+}
+
+fn keep_passwords(new: &mut Settings, old: &Settings) {
+    for user in new.users.iter_mut().filter(|user| user.password.is_none()) {
+        user.password = old.user(&user.name).and_then(|old| old.password.clone());
+    }
+}

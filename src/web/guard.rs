@@ -1,0 +1,128 @@
+//! Refuses what a page of another origin has a browser send.
+//!
+//! A browser says whom it means to reach (`Host`), and whose page it was (`Origin`, `Sec-Fetch-Site`). A name that leads here by an
+//! attacker's DNS (rebinding) is none of the gateway's: it is known by its addresses, as `localhost`, and by the name that the settings
+//! give it for mDNS. Of state-changing requests with a cookie the origin must be told.
+
+use core::net::IpAddr;
+
+use picoserve::request::Headers;
+
+use crate::settings::Settings;
+
+/// Why a request is refused.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub(super) enum Foreign {
+    #[error("one Host header is needed, with an address of the gateway, localhost or its mDNS name")]
+    Host,
+    #[error("a page of another origin may not do this")]
+    Origin,
+    #[error("with a cookie, this needs the Origin header")]
+    NoOrigin,
+}
+
+/// The only header of this name; an error if there are several.
+fn only<'r>(headers: Headers<'r>, name: &str) -> Result<Option<&'r str>, ()> {
+    let mut values = headers.iter().filter(|(known, _)| *known == name).map(|(_, value)| value);
+    let value = values.next();
+    if values.next().is_some() {
+        return Err(());
+    }
+    value.map(|value| value.as_str().map_err(|_| ())).transpose()
+}
+
+/// Checks the host and the origin of a request.
+pub(super) fn check(headers: Headers<'_>, settings: &Settings) -> Result<(), Foreign> {
+    let host = only(headers, "host").ok().flatten().filter(|host| is_own(host, settings));
+    let host = host.ok_or(Foreign::Host)?;
+    let origin = only(headers, "origin").map_err(|()| Foreign::Origin)?;
+    let is_same = |origin: &str| {
+        let (scheme, from) = origin.split_once("://").unwrap_or_default();
+        scheme == "http" && from.eq_ignore_ascii_case(host)
+    };
+    let site = only(headers, "sec-fetch-site").map_err(|()| Foreign::Origin)?;
+    let is_near = site.is_none_or(|site| site == "same-origin" || site == "none");
+    (origin.is_none_or(is_same) && is_near).then_some(()).ok_or(Foreign::Origin)
+}
+
+/// Checks that a request that a cookie allows to change something was sent by a page of this origin.
+pub(super) fn check_cookie(headers: Headers<'_>) -> Result<(), Foreign> {
+    headers.get("origin").map(|_| ()).ok_or(Foreign::NoOrigin)
+}
+
+/// Whether `host`, perhaps with a port, is the gateway.
+fn is_own(host: &str, settings: &Settings) -> bool {
+    let name = match host.strip_prefix('[') {
+        Some(host) => {
+            let Some((address, rest)) = host.split_once(']') else { return false };
+            return is_port(rest) && address.parse().is_ok_and(|address: IpAddr| address.is_ipv6());
+        }
+        None => match host.split_once(':') {
+            Some((name, port)) if is_port_number(port) => name,
+            Some(_) => return false,
+            None => host,
+        },
+    };
+    let is_mdns = |name: &str| {
+        let own = settings.mdns_name("").filter(|own| !own.is_empty());
+        own.is_some_and(|own| own.eq_ignore_ascii_case(name))
+    };
+    let local = name.len().checked_sub(".local".len()).and_then(|at| name.split_at_checked(at));
+    name.parse::<core::net::Ipv4Addr>().is_ok()
+        || name.eq_ignore_ascii_case("localhost")
+        || local.is_some_and(|(name, local)| local.eq_ignore_ascii_case(".local") && is_mdns(name))
+}
+
+fn is_port(text: &str) -> bool {
+    text.is_empty() || text.strip_prefix(':').is_some_and(is_port_number)
+}
+
+fn is_port_number(text: &str) -> bool {
+    text.bytes().all(|byte| byte.is_ascii_digit()) && text.parse::<u16>().is_ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::language::apply;
+
+    #[test]
+    fn addresses_localhost_and_the_mdns_name_are_the_gateway_and_other_names_are_not() {
+        let mut settings = Settings::new();
+        assert!(!is_own("cabinet.local", &settings));
+        apply(&mut settings, "mdns on name cabinet").unwrap();
+        for host in [
+            "127.0.0.1",
+            "192.168.1.5:8080",
+            "localhost",
+            "LOCALHOST:80",
+            "[::1]",
+            "[fe80::1]:8080",
+            "cabinet.local",
+            "Cabinet.Local:80",
+        ] {
+            assert!(is_own(host, &settings), "{host}");
+        }
+        for host in [
+            "",
+            "evil.example",
+            "evil.example:80",
+            "localhost.evil.example",
+            "127.0.0.1.evil.example",
+            "cabinet",
+            "xcabinet.local",
+            ".local",
+            "é.local",
+            "localhost:",
+            "localhost:x",
+            "localhost:99999",
+            "[::1",
+            "[::1]x",
+            "[127.0.0.1]",
+            "::1",
+            "user@localhost",
+        ] {
+            assert!(!is_own(host, &settings), "{host}");
+        }
+    }
+}

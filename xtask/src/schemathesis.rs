@@ -62,9 +62,11 @@ pub(crate) fn ask(choice: &Choice) -> Outcome {
     let token = log_in(web)?;
     let (url, examples) = (format!("http://127.0.0.1:{web}"), choice.examples.to_string());
     let bearer = format!("Authorization: Bearer {token}");
-    let mut st = command(folder.join("bin/st"), &["run", "docs/openapi.yaml", "--url", &url, "-H", &bearer]);
+    let described = root().join("docs/openapi.yaml");
+    let mut st = command(folder.join("bin/st"), &["run", "--url", &url, "-H", &bearer]);
     st.args(["--no-color", "--max-examples", &examples, "--checks", CHECKS]).args(LEFT_OUT);
-    run(st.args(["--phases", "examples,coverage,fuzzing"]))
+    // It keeps what it found in the folder that it runs in.
+    run(st.args(["--phases", "examples,coverage,fuzzing"]).arg(described).current_dir(&folder))
 }
 
 fn free_port() -> Outcome<u16> {

@@ -109,8 +109,12 @@ pub fn with_gateway_on<T>(
     let capture = Capture::new();
     let ethercat = (size.ethercat)();
     let candidate = Candidate::new();
-    let gateway = Gateway::new(&pool, &places, &connections).with_candidate(&candidate);
-    let gateway = gateway.with_scanner(&scanner).with_capture(&capture).with_ethercat(&ethercat);
+    // In a frame of its own, whose moves of the large value do not stay on the stack of the scenario.
+    let build = || {
+        let gateway = Gateway::new(&pool, &places, &connections).with_candidate(&candidate);
+        Box::new(gateway.with_scanner(&scanner).with_capture(&capture).with_ethercat(&ethercat))
+    };
+    let gateway = build();
     let mut world = World::on(clock, seed);
     let rig = Rig { gateway: &gateway, network: Network::new(seed), lines };
     rig.gateway.apply(&settings).expect("settings that the gateway takes");

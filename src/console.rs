@@ -18,6 +18,9 @@ mod audit;
 // Replaced by a stub in images without a candidate.
 #[cfg_attr(not(feature = "candidate"), path = "console/no_candidate.rs")]
 mod candidate;
+// Images without TLS have none.
+#[cfg(feature = "tls")]
+mod certificates;
 mod command;
 mod complete;
 // Without a candidate there is nothing to compare.
@@ -56,6 +59,7 @@ mod tests;
 mod tune;
 mod update;
 mod users;
+mod version;
 mod wait;
 
 use core::future::pending;

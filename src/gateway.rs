@@ -17,7 +17,7 @@ use crate::fieldbus::EthercatState;
 use crate::frame::{Channel, Envelope, Frame, FramePool, FrameWriter, Origin, ReplyTo, Stage};
 use crate::modbus::Exception;
 use crate::scanner::{POINTS, ScannerState};
-use crate::settings::{OwnNetwork, PortId, Settings, USERS};
+use crate::settings::{ClientRole, OwnNetwork, PortId, Settings, USERS};
 use crate::stats::Log;
 
 mod apply;
@@ -322,6 +322,16 @@ impl<'g> Gateway<'g> {
     /// The same, filled with a complete PDU.
     pub(crate) fn fill_for_port(&self, id: PortId, pdu: &[u8], envelope: Envelope) -> Option<Frame<'g>> {
         self.pool.fill(self.connections.len() + id.index(), pdu, envelope)
+    }
+
+    /// The role of the client that `origin` names; none once another client has its connection.
+    pub(crate) fn client_role(&self, origin: Origin) -> ClientRole {
+        let ReplyTo::Connection(connection) = origin.reply_to else { return ClientRole::NONE };
+        let role = |client: &mut ConnectionState| {
+            Some(client.role).filter(|_| client.generation == origin.generation)
+        };
+        let connection = self.connections.get(usize::from(connection));
+        connection.and_then(|connection| connection.update(role)).unwrap_or(ClientRole::NONE)
     }
 
     /// Whether the requester at `origin` is gone.

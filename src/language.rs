@@ -4,6 +4,9 @@
 //! settings.
 
 mod apply;
+// Images without TLS have no certificates.
+#[cfg(feature = "tls")]
+mod certificates;
 mod changed;
 mod changes;
 mod ethercat;
@@ -20,6 +23,7 @@ mod point_words;
 mod points;
 mod port_fields;
 mod port_keys;
+mod port_keywords;
 mod port_kinds;
 mod port_limits;
 mod port_values;
@@ -34,6 +38,7 @@ mod slaves;
 mod syslog;
 mod users;
 mod values;
+mod verb_help;
 mod verbs;
 mod words;
 

@@ -21,6 +21,7 @@ mod side;
 mod slaves;
 mod syslog;
 mod time;
+mod tls;
 mod users;
 mod whole;
 
@@ -62,6 +63,8 @@ pub use self::slaves::{Cells, OnSilence, SLAVES_MAX, SlaveSettings};
 pub(crate) use self::syslog::Syslogs;
 pub use self::syslog::{Syslog, Transport};
 pub use self::time::Time;
+pub(crate) use self::tls::{CERTIFICATES_MAX, Certificates, TLS};
+pub use self::tls::{Certificate, ClientRole, FileName, Purpose, TlsSettings};
 pub use self::users::PasswordHash;
 pub(crate) use self::users::{
     PUBLIC_KEY_BYTES, PublicKey, Role, SSH, USER_KEYS_MAX, USERS, USERS_MAX, User, Users,

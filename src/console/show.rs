@@ -6,6 +6,8 @@ use embassy_time::Instant;
 
 #[cfg(feature = "users")]
 use super::audit;
+#[cfg(feature = "tls")] // As the topic.
+use super::certificates;
 #[cfg(feature = "candidate")] // As the topic.
 use super::diff;
 use super::layout::{self, Columns, Layout};
@@ -17,6 +19,7 @@ use super::rows::{LineErrors, LogRow, Row, StatusText, age, cell, describe_unit,
 use super::session::Session;
 use super::table::{Source, titled};
 use super::users;
+use super::version;
 use super::wait::Wait;
 use crate::fieldbus::{Controller, EthercatState, LineWriter};
 use crate::gateway::unit_health::{UNITS_MAX, Unit};
@@ -45,6 +48,9 @@ pub(crate) enum Show {
     Config,
     /// The same with the hashes of passwords.
     Secrets,
+    // Images without TLS have no certificates.
+    #[cfg(feature = "tls")]
+    Certificates,
     // Images without a candidate have no word of it.
     #[cfg(feature = "candidate")]
     Candidate,
@@ -69,6 +75,8 @@ pub(super) const TOPICS: &[(&str, (Show, &str))] = &[
     ("users", (Show::Users, "who may log in")),
     #[cfg(feature = "users")]
     ("audit", (Show::Audit, "who changed what, from where, and what was refused")),
+    #[cfg(feature = "tls")] // As above.
+    ("certificates", (Show::Certificates, "those of tls: whose, and until when")),
     ("config", (Show::Config, "the settings as lines; config secrets: with hashes")),
     #[cfg(feature = "candidate")] // As above.
     ("candidate", (Show::Candidate, "what commit would put in force")),
@@ -170,14 +178,16 @@ pub(super) fn write(
         Show::Users if settings::USERS => table(users::HEAD, users::row, out),
         #[cfg(feature = "users")]
         Show::Audit => audit::row(source, system, place, out),
+        #[cfg(feature = "tls")] // As above.
+        Show::Certificates => certificates::row(source, system, place, out),
         Show::Config => write_shown_line(source.settings, place, Shown::WithoutSecrets, out),
         Show::Secrets => write_shown_line(source.settings, place, Shown::WithSecrets, out),
         #[cfg(feature = "candidate")] // As above.
         Show::Candidate => diff::row(source, place, out),
         Show::Network => network(source.settings, system.network(), place, out),
         Show::Log => event(source, system, place, out),
-        Show::Version => version(source, system, place, out),
-        Show::Update => update(system, place, out),
+        Show::Version => version::row(source, system, place, out),
+        Show::Update => version::update(system, place, out),
         Show::Frames | Show::Users => None,
     }
 }
@@ -192,6 +202,8 @@ const fn columns(what: Show) -> Columns {
         Show::Users => users::COLUMNS,
         #[cfg(feature = "users")]
         Show::Audit => audit::COLUMNS,
+        #[cfg(feature = "tls")] // As above.
+        Show::Certificates => certificates::COLUMNS,
         Show::Clients => &[15, 21, -9, -9, -4, -10],
         Show::Stats => &[15, 13, -10, -10],
         Show::Log => &[-9, 15, -4, 15, -6, -8, -10],
@@ -367,28 +379,4 @@ impl fmt::Write for Nowhere {
     fn write_str(&mut self, _: &str) -> fmt::Result {
         Ok(())
     }
-}
-
-fn version(source: &Source<'_, '_>, system: &dyn System, place: usize, out: &mut dyn fmt::Write) -> Written {
-    let Source { gateway, settings, now } = *source;
-    let (version, board) = (env!("CARGO_PKG_VERSION"), system.name());
-    let up = age(Instant::from_ticks(0), now);
-    (place == 0).then(|| {
-        write!(out, "mobgate {version} on {board}, up {up}")?;
-        if let Some(firmware) = system.firmware() {
-            write!(out, ", {firmware}")?;
-        }
-        let Some(controller) = gateway.ethercat_controller(settings) else { return Ok(()) };
-        write!(out, ", {controller}")?;
-        let indicators = gateway.ethercat().and_then(EthercatState::indicators);
-        indicators.map_or(Ok(()), |indicators| write!(out, ", {indicators}"))
-    })
-}
-
-fn update(system: &dyn System, place: usize, out: &mut dyn fmt::Write) -> Written {
-    let version = env!("CARGO_PKG_VERSION");
-    (place == 0).then(|| match system.firmware() {
-        Some(firmware) => write!(out, "{version}: {firmware}"),
-        None => write!(out, "{version}, which does not update itself: see update"),
-    })
 }

@@ -12,14 +12,15 @@ use crate::gateway::Gateway;
 use crate::language::{Shown, write_shown_line};
 use crate::scanner::DEVICES_MAX;
 use crate::settings::{
-    LINE_BYTES_MAX, POINTS_MAX, PORTS_MAX, ROUTES_MAX, SERVERS_MAX, SLAVES_MAX, Settings, USER_KEYS_MAX,
-    USERS, USERS_MAX,
+    CERTIFICATES_MAX, LINE_BYTES_MAX, POINTS_MAX, PORTS_MAX, ROUTES_MAX, SERVERS_MAX, SLAVES_MAX, Settings,
+    USER_KEYS_MAX, USERS, USERS_MAX,
 };
 
 /// Lines of settings: network, discovery and syslog have one each.
 const LINES_MAX: usize = if USERS || cfg!(feature = "candidate") {
     USERS_MAX * (1 + USER_KEYS_MAX)
         + 3
+        + CERTIFICATES_MAX
         + PORTS_MAX
         + SERVERS_MAX
         + ROUTES_MAX

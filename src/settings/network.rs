@@ -5,6 +5,9 @@ use core::net::IpAddr;
 use embassy_time::Duration;
 use heapless::Vec;
 
+// As the field.
+#[cfg(feature = "tls")]
+use crate::settings::TlsSettings;
 use crate::settings::{Allowed, Prefixes, Proofs, SOCKETS_MAX, SSH, ServerAddress};
 
 /// TCP port number of Modbus (Messaging on TCP/IP 4.3.1.1).
@@ -73,6 +76,10 @@ pub struct TcpServerSettings {
     pub reserved_for: Prefixes,
     /// Peers that may connect; others are disconnected at once. Empty: everybody (Messaging on TCP/IP 4.2.3, restricted mode).
     pub allowed: Allowed,
+    /// Modbus/TCP Security: clients must show certificates.
+    // Images without TLS have no word of it.
+    #[cfg(feature = "tls")]
+    pub tls: TlsSettings,
 }
 
 impl TcpServerSettings {
@@ -90,6 +97,9 @@ impl TcpServerSettings {
             refuses: false,
             reserved_for: Vec::new(),
             allowed: Allowed::everybody(),
+            // As the field.
+            #[cfg(feature = "tls")]
+            tls: TlsSettings::OFF,
         }
     }
 
@@ -174,6 +184,10 @@ pub struct TcpClientSettings {
     pub down_after: u8,
     /// How units are proved to be in step; with RTU over TCP.
     pub proofs: Proofs,
+    /// Modbus/TCP Security: servers must show certificates.
+    // Images without TLS have no word of it.
+    #[cfg(feature = "tls")]
+    pub tls: TlsSettings,
 }
 
 impl TcpClientSettings {
@@ -195,6 +209,9 @@ impl TcpClientSettings {
             late_window: None,
             down_after: 3,
             proofs: Proofs::default(),
+            // As the field.
+            #[cfg(feature = "tls")]
+            tls: TlsSettings::OFF,
         }
     }
 

@@ -54,10 +54,11 @@ struct Need {
 
 const DEBIAN_RUST: By = By::Apt(&["rustc-web", "cargo-web", "rust-web-src", "rust-web-clippy", "lld"]);
 
-const NEEDS: [Need; 32] = [
+const NEEDS: [Need; 33] = [
     by_apt(Group::Peers, "mbpoll", &["mbpoll"]),
     by_apt(Group::Package, "mbpoll", &["mbpoll"]),
     by_apt(Group::Peers, "ssh", &["openssh-client"]),
+    by_apt(Group::Peers, "openssl", &["openssl"]),
     by_apt(Group::Peers, "socat", &["socat"]),
     by_apt(Group::Peers, "tshark", &["tshark"]),
     by_apt(Group::Peers, "ip", &["iproute2"]),
@@ -72,7 +73,7 @@ const NEEDS: [Need; 32] = [
     by_apt(Group::Peers, "npm", &["npm"]),
     need(
         Group::Peers,
-        "pymodbus, zeroconf, pysoem, soemx, KickCAT, ethercat-mcp in target/python",
+        "pymodbus, pysunspec2, zeroconf, pysoem, soemx, KickCAT, ethercat-mcp in target/python",
         By::Own(python),
         |_| is_installed(REQUIREMENTS, "target/python"),
     ),

@@ -20,7 +20,7 @@ use mobgate::gateway::{Candidate, Connection, Gateway, Ports};
 use mobgate::hal::{OpenError, System};
 use mobgate::scanner::ScannerState;
 use mobgate::settings::{
-    PORTS_MAX, PasswordHash, Port, PortId, PortKind, Settings, StreamFraming, TcpListen,
+    Certificate, PORTS_MAX, PasswordHash, Port, PortId, PortKind, Settings, StreamFraming, TcpListen,
 };
 use mobgate::web;
 use mobgate_linux::cli::{Instead, Options};
@@ -35,7 +35,7 @@ use mobgate_linux::tcp::{Connector, TcpSockets};
 use mobgate_linux::udp::Datagrams;
 use mobgate_linux::{
     calendar, capture, console, describe, ethercat, executor, logging, mdns, passwords, service, settings,
-    ssh, syslog, tty,
+    ssh, syslog, tls, tty,
 };
 use rustix::process::geteuid;
 use rustix::rand::{GetRandomFlags, getrandom};
@@ -124,6 +124,11 @@ async fn commits() {
 }
 
 #[embassy_executor::task]
+async fn certificates() {
+    tls::watch(&GATEWAY).await
+}
+
+#[embassy_executor::task]
 async fn service_manager() {
     service::run().await
 }
@@ -204,6 +209,10 @@ impl System for Process {
         Some(write!(out, "{:.0}", calendar::date(at)))
     }
 
+    fn write_certificate(&self, certificate: &Certificate, out: &mut dyn fmt::Write) -> Option<fmt::Result> {
+        Some(tls::write(certificate, out))
+    }
+
     async fn is_password(&self, hash: Option<&str>, password: &str) -> bool {
         passwords::is_right(hash, password).await
     }
@@ -246,6 +255,12 @@ fn check(file: &Path) -> Result<(), String> {
     block_on(settings::read(&GATEWAY, &mut store, &mut settings))?;
     GATEWAY.apply(&settings).map_err(|error| format!("{}: {error}", file.display()))?;
     settings.warnings().for_each(|warning| println!("{}: {warning}", file.display()));
+    for certificate in settings.certificates() {
+        let state = tls::state(certificate);
+        if !state.is_empty() {
+            println!("{}: certificate {}: {state}", file.display(), certificate.name);
+        }
+    }
     println!("{}: good", file.display());
     Ok(())
 }
@@ -268,6 +283,7 @@ fn run(options: Options) -> Result<End, String> {
     CAPTURE.set_epoch(capture::epoch_us());
     reconfigure::take_over(&GATEWAY, &mut store, &start.settings).map_err(|error| error.to_string())?;
     audit_start(&options);
+    tls::start(&GATEWAY);
     let is_ssh = |port: &Port| matches!(&port.kind, PortKind::TcpServer(server) if server.framing == StreamFraming::Ssh);
     ssh::start(&GATEWAY, options.config.clone(), start.settings.ports.iter().flatten().any(is_ssh));
     start.settings.warnings().for_each(|warning| log::warn!("{warning}"));
@@ -334,6 +350,7 @@ fn spawn(
     spawner.spawn(capture_into_file().unwrap());
     spawner.spawn(audit_trail().unwrap());
     spawner.spawn(found_on_the_network().unwrap());
+    spawner.spawn(certificates().unwrap());
     spawner.spawn(service_manager().unwrap());
     spawner.spawn(commits().unwrap());
     let [sessions, by_ssh] = [SESSIONS_MAX, ssh::SESSIONS_MAX].map(|count| {

@@ -16,7 +16,7 @@ use crate::language::*;
 proptest! {
     #[test]
     fn what_is_printed_recreates_the_settings(settings in any_settings()) {
-        prop_assert_eq!(load(&print(&settings)), settings);
+        prop_assert_eq!(&load(&print(&settings)), &*settings);
     }
 
     #[test]

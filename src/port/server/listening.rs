@@ -45,6 +45,14 @@ pub(crate) fn refuses(gateway: &Gateway<'_>, port: PortId, peer: IpAddr, why: Ev
     gateway.audit_refusal(Topic::RefusedClient, Some(port), Some(peer), what);
 }
 
+/// Reports that the server at `port` has refused a client at `peer` because of its certificate.
+// Servers without TLS ask for none.
+#[cfg_attr(not(feature = "tls"), allow(dead_code))]
+pub(crate) fn refuses_certificate(gateway: &Gateway<'_>, port: PortId, peer: IpAddr, why: &str) {
+    let what = format_args!("a client is refused, {why},");
+    gateway.audit_refusal(Topic::RefusedClient, Some(port), Some(peer), what);
+}
+
 /// Reports that the server at `port` closes the connection of `left` for a newcomer at `peer`.
 pub(crate) fn displaces(gateway: &Gateway<'_>, port: PortId, left: Option<SocketAddr>, peer: IpAddr) {
     if let (true, Some(left)) = (USERS, left) {

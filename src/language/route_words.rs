@@ -13,14 +13,18 @@ use crate::settings::{
     Priority, Route, Settings, TLS, Tag, UnitRange,
 };
 
-/// The text of the options, and more of them in front.
+/// The text of the options, with the last of them.
 macro_rules! options_expected {
-    ($first:literal) => {
-        concat!($first, "readonly, all, functions 3,4,16, addresses 0-99, writes 10-19, forbidden refuse|ignore, priority high|normal|low, urgent 5,6, merge on|off|adjacent|near N, \
-     cache 1s or cut auto|on|off")
+    ($last:literal) => {
+        concat!("readonly, all, functions 3,4,16, addresses 0-99, writes 10-19, forbidden refuse|ignore, priority high|normal|low, urgent 5,6, merge on|off|adjacent|near N, \
+     cache 1s", $last)
     };
 }
-const OPTIONS_EXPECTED: &str = if TLS { options_expected!("role NAME, ") } else { options_expected!("") };
+const OPTIONS_EXPECTED: &str = if TLS {
+    options_expected!(", cut auto|on|off or role NAME")
+} else {
+    options_expected!(" or cut auto|on|off")
+};
 
 /// Device identification, without the rest of function 43.
 pub(crate) const IDENTIFICATION: &str = "43/14";

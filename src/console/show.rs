@@ -26,7 +26,7 @@ use crate::gateway::unit_health::{UNITS_MAX, Unit};
 use crate::hal::{NetworkState, System};
 use crate::language::listed::listed;
 use crate::language::{Shown, Words, Wrong, write_shown_line};
-use crate::settings::{self, Endpoint, PortKind, Role, SERVERS, ServerSettings, Settings, Side};
+use crate::settings::{self, Endpoint, PortKind, Role, SERVERS, ServerSettings, Settings, Side, TLS};
 use crate::stats::{Event, LOG_ENTRIES_MAX, LastError};
 
 /// The topics of `show`.
@@ -288,7 +288,9 @@ fn client(source: &Source<'_, '_>, nth: usize, out: &mut dyn fmt::Write) -> Writ
     let (since, quiet) = (age(state.since, now), age(state.last_request, now));
     let (open, requests) = (state.open_requests, state.requests);
     let place = if state.marked { "reserved" } else { "ordinary" };
-    Some(write!(out, "{port}\t{peer}\t{since}\t{quiet}\t{open}\t{requests}\t{place}"))
+    let row = write!(out, "{port}\t{peer}\t{since}\t{quiet}\t{open}\t{requests}\t{place}");
+    let has_role = TLS && !state.role.is_none();
+    Some(row.and_then(|()| if has_role { write!(out, ", role {}", state.role.name()) } else { Ok(()) }))
 }
 
 /// The counters of all ports, then their last errors, then those of frames.

@@ -10,7 +10,8 @@ use mobgate::language::{apply, write_line};
 use mobgate::settings::{LINE_BYTES_MAX, Settings};
 
 /// First words of the lines, in the order in which a text needs them.
-const KINDS: [&str; 9] = ["network", "mdns", "certificate", "port", "server", "route", "device", "point", "slave"];
+const KINDS: [&str; 9] =
+    ["network", "mdns", "certificate", "port", "server", "route", "device", "point", "slave"];
 const NETWORK: usize = 0;
 const MDNS: usize = 1;
 const SERVER: usize = 4;

@@ -256,11 +256,15 @@ fn what_is_cut_off_is_not_carried_out() {
     flipped.sock.write_all(&record).unwrap();
     // Each of them is gone, and what comes later is served.
     let mut session = plant.program.session();
-    wait_for("the end of the connections", || {
-        session.write_all(b"show clients\nshow version\n").unwrap();
-        let said = crate::common::converse(&mut session, "", "mobgate 0.");
-        (!said.contains("engineer")).then_some(())
-    });
+    let mut is_there = |role: &str| {
+        let said = crate::common::converse(&mut session, "show clients\nshow version\n", "mobgate 0.");
+        said.contains(&format!("role {role}"))
+    };
+    wait_for("the end of the connections", || (!is_there("engineer")).then_some(()));
+    let mut viewer = connect(&plant, "viewer");
+    viewer.write_all(&READ).unwrap();
+    std::io::Read::read_exact(&mut viewer, &mut [0; VALUES.len()]).unwrap();
+    assert!(is_there("viewer"), "show clients has the roles");
     plant.serves_others();
     assert!(plant.device.written().is_empty());
 }

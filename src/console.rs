@@ -10,6 +10,9 @@
 // Only the web interface uses it.
 #[cfg(feature = "web")]
 pub(crate) mod access;
+// As above.
+#[cfg(feature = "web")]
+mod alone;
 mod ask;
 mod asks;
 // Without users there is no audit trail.
@@ -24,6 +27,9 @@ mod complete;
 #[cfg(feature = "candidate")]
 pub(crate) mod diff;
 mod editor;
+// It came with the web interface, and boards without that have no room for it.
+#[cfg(feature = "web")]
+mod explain;
 mod frames;
 mod guard;
 mod help;
@@ -62,7 +68,6 @@ use core::future::pending;
 use core::pin::pin;
 
 use embassy_futures::select::{Either, select};
-use embassy_time::Timer;
 use embedded_io_async::{Read, Write};
 
 pub use self::guard::Foreign;
@@ -160,16 +165,8 @@ async fn work<S: Store, Y: System>(
         // `Update` needs the stream.
         Wait::Sent | Wait::Exit | Wait::End | Wait::Update { .. } => {}
         Wait::Key => pending().await,
-        Wait::Pause(time) | Wait::Rest(time) => Timer::after(time).await,
-        Wait::Answer { .. } => {
-            if let Some(turn) = &session.turn {
-                return WaitEvent::Answer(turn.ask(session.unit, &mut session.pdu).await);
-            }
-        }
-        Wait::Open { line, timeout, alone } => {
-            if let Some(turn) = &session.turn {
-                return WaitEvent::Opened(turn.try_on(line, timeout, alone).await);
-            }
+        Wait::Pause(_) | Wait::Rest(_) | Wait::Answer { .. } | Wait::Open { .. } => {
+            return session.wait(wait).await;
         }
         Wait::Change => {
             let ahead = |new: &_| session.ahead(new).inspect(|()| session.audit_line(input.line()));

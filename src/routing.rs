@@ -75,8 +75,24 @@ pub(crate) fn meaning(settings: &Settings, source: PortId, unit: u8) -> Special 
 
 /// The first rule that matches. Return paths are skipped, as they would hide the rules after them.
 fn rule(settings: &Settings, source: PortId, unit: u8, peer: Option<IpAddr>) -> Option<&Route> {
-    let mut matching = settings.routes.iter().filter(|route| route.matches(source, unit, peer));
-    matching.find(|route| !is_implied(settings, route))
+    settings.routes.get(first(settings, source, unit, peer)?)
+}
+
+/// The index of that rule.
+fn first(settings: &Settings, source: PortId, unit: u8, peer: Option<IpAddr>) -> Option<usize> {
+    let is_it = |route: &Route| route.matches(source, unit, peer) && !is_implied(settings, route);
+    settings.routes.iter().position(is_it)
+}
+
+/// The index of the rule by which [`decide`] decides; `None` if it takes none.
+// Only the web interface and its console command ask for it.
+#[cfg(feature = "web")]
+pub(crate) fn deciding(settings: &Settings, source: PortId, unit: u8, peer: Option<IpAddr>) -> Option<usize> {
+    match meaning(settings, source, unit) {
+        Special::Rules => first(settings, source, unit, peer),
+        Special::Replace(unit) => first(settings, source, unit, peer),
+        Special::Off | Special::Local | Special::AllLines => None,
+    }
 }
 
 /// The decision of the first rule of `settings` that matches.

@@ -10,7 +10,7 @@ use super::audit;
 use super::diff;
 use super::layout::{self, Columns, Layout};
 use super::log_in::Denied;
-use super::output::{NO_ROW, Written};
+use super::output::{NO_ROW, Nowhere, Written};
 use super::points;
 use super::registers;
 use super::rows::{LineErrors, LogRow, Row, StatusText, age, cell, describe_unit, text, took};
@@ -50,6 +50,10 @@ pub(crate) enum Show {
     Candidate,
     Network,
     Log,
+    /// Its table alone.
+    // Only the web interface shows it.
+    #[cfg(feature = "web")]
+    Transactions,
     Frames,
     Version,
     Update,
@@ -176,6 +180,8 @@ pub(super) fn write(
         Show::Candidate => diff::row(source, place, out),
         Show::Network => network(source.settings, system.network(), place, out),
         Show::Log => event(source, system, place, out),
+        #[cfg(feature = "web")]
+        Show::Transactions => titled(LOG, place, out, |nth, out| transaction(source, nth, out)),
         Show::Version => version(source, system, place, out),
         Show::Update => update(system, place, out),
         Show::Frames | Show::Users => None,
@@ -341,7 +347,7 @@ fn network(
 
 /// Messages of the board and its controller, then the transactions from the oldest on.
 fn event(source: &Source<'_, '_>, system: &dyn System, place: usize, out: &mut dyn fmt::Write) -> Written {
-    let Source { gateway, settings, now } = *source;
+    let Source { gateway, settings, .. } = *source;
     if let Some(event) = system.write_event(place, out) {
         return Some(event);
     }
@@ -353,20 +359,15 @@ fn event(source: &Source<'_, '_>, system: &dyn System, place: usize, out: &mut d
         }
         row -= 1;
     }
-    titled(LOG, row, out, |nth, out| {
-        let Some(entry) = gateway.log().newest(LOG_ENTRIES_MAX.checked_sub(nth + 1)?) else { return NO_ROW };
-        let age = age(entry.at, now);
-        Some(write!(out, "{age}\t{}", LogRow { settings, entry }))
-    })
+    titled(LOG, row, out, |nth, out| transaction(source, nth, out))
 }
 
-/// Discards text.
-struct Nowhere;
-
-impl fmt::Write for Nowhere {
-    fn write_str(&mut self, _: &str) -> fmt::Result {
-        Ok(())
-    }
+/// Transaction `nth`, from the oldest on.
+fn transaction(source: &Source<'_, '_>, nth: usize, out: &mut dyn fmt::Write) -> Written {
+    let Source { gateway, settings, now } = *source;
+    let Some(entry) = gateway.log().newest(LOG_ENTRIES_MAX.checked_sub(nth + 1)?) else { return NO_ROW };
+    let age = age(entry.at, now);
+    Some(write!(out, "{age}\t{}", LogRow { settings, entry }))
 }
 
 fn version(source: &Source<'_, '_>, system: &dyn System, place: usize, out: &mut dyn fmt::Write) -> Written {

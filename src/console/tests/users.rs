@@ -71,7 +71,18 @@ fn after_five_failures_a_pause_is_said_and_the_local_console_is_open() {
 
 /// The commands that a role may run, besides those of the role before.
 const ALLOWED: [(&str, &[&str]); 3] = [
-    ("viewer", &["show", "watch", "exit", "help", "diff"]),
+    (
+        "viewer",
+        &[
+            "show",
+            #[cfg(feature = "web")] // As the command.
+            "explain",
+            "watch",
+            "exit",
+            "help",
+            "diff",
+        ],
+    ),
     ("operator", &["ping", "read", "write", "mark", "begin", "finish", "clear"]),
     (
         "engineer",
@@ -134,7 +145,7 @@ fn help_lists_what_the_role_may_run() {
             let said = as_user(gateway, role, "help\n");
             said.lines().map(|line| line.split(' ').next().unwrap().to_string()).collect::<Vec<_>>()
         };
-        assert_eq!(commands("viewer"), ["show", "watch", "exit", "help", "diff"]);
+        assert_eq!(commands("viewer"), ALLOWED[0].1);
         assert!(
             commands("operator").contains(&"write".into()) && !commands("operator").contains(&"save".into())
         );

@@ -50,7 +50,7 @@ const TIMEOUTS: Timeouts = Timeouts {
 /// One request each, so that nobody keeps others from a connection.
 const CONFIG: Config = Config::new(TIMEOUTS).close_connection_after_response();
 
-/// Nobody could use it.
+/// No user can log in yet.
 const OFF: OpenError = OpenError::new(
     OpenErrorKind::Denied,
     "until somebody can log in: user NAME role engineer, password NAME",
@@ -61,7 +61,7 @@ const OFF: OpenError = OpenError::new(
 struct Port {
     id: PortId,
     listen: TcpListen,
-    /// Somebody could log in.
+    /// A user can log in.
     is_on: bool,
 }
 
@@ -112,7 +112,7 @@ pub async fn run<H: TcpHost, S: Store, Y: System>(
             }
         };
         match select(moved, accept(gateway, port_state, &port, host)).await {
-            // The others let go of their listener, too, before another one is opened.
+            // All tasks release the listener before a new one is opened.
             Either::First(()) => yield_now().await,
             Either::Second(Ok((stream, peer))) => {
                 serve(gateway, port.id, stream, peer, (&mut *store, system)).await;
@@ -165,7 +165,7 @@ async fn serve<S: Store, Y: System>(
             cleartext,
         });
         let server = Server::custom(&app, Clock, &CONFIG, &mut buffer);
-        // What is wrong with a connection ends it.
+        // An error ends the connection.
         let _ = with_timeout(AGE_MAX, server.serve(Halves::new(&mut stream))).await;
     } else {
         listening::refuses(gateway, id, peer, Event::Unwelcome);

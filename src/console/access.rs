@@ -105,7 +105,7 @@ impl Response {
     }
 }
 
-/// Values as a list of JSON; what is no number there is `null`.
+/// Values as a list of JSON; what JSON has no number for is `null`.
 pub(crate) struct Numbers<'v> {
     value: ValueType,
     cells: &'v [u8],

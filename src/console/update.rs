@@ -7,7 +7,7 @@ use core::fmt;
 use embassy_time::{Duration, Timer, with_timeout};
 use embedded_io_async::{Read, Write};
 
-use self::ymodem::{CANCEL, Came, Receiver, Stopped};
+use self::ymodem::{Action, CANCEL, Receiver, Stopped};
 use super::session::Session;
 use super::wait::Wait;
 use crate::gateway::audit::Topic;
@@ -89,7 +89,7 @@ where
         let came = match bytes.next().and_then(|at| chunk.get(at)) {
             Some(byte) => receiver.feed(*byte),
             None => match with_timeout(receiver.patience(), stream.read(&mut chunk)).await {
-                Ok(Ok(0)) => Came::Stopped(Stopped::Silent),
+                Ok(Ok(0)) => Action::Stopped(Stopped::Silent),
                 Ok(read) => {
                     bytes = 0..read?;
                     continue;
@@ -98,19 +98,19 @@ where
             },
         };
         let done = match came {
-            Came::More => continue,
-            Came::Send(bytes) => {
+            Action::More => continue,
+            Action::Send(bytes) => {
                 send(stream, bytes).await?;
                 continue;
             }
-            Came::Done(bytes) => {
+            Action::Done(bytes) => {
                 send(stream, bytes).await?;
                 return Ok(Ok(version));
             }
-            Came::Stopped(why) => return Ok(Err(Failed::Stopped(why))),
-            Came::Begin(length) => update.begin(length, allow_older).await,
-            Came::Data => update.write(receiver.data()).await,
-            Came::Finish => update.finish().await.map(|finished| version = finished),
+            Action::Stopped(why) => return Ok(Err(Failed::Stopped(why))),
+            Action::Begin(length) => update.begin(length, allow_older).await,
+            Action::Data => update.write(receiver.data()).await,
+            Action::Finish => update.finish().await.map(|finished| version = finished),
         };
         match done {
             Ok(()) => send(stream, receiver.accepted()).await?,

@@ -1,4 +1,4 @@
-//! What a request gets: a status, and a short text or a stream of pieces, which are made when they are sent.
+//! The answer to a request: a status, and a short text or a stream of pieces, which are produced while they are sent.
 
 use core::fmt::{self, Display, Write as _};
 
@@ -31,7 +31,7 @@ const LIVE_PAUSE: Duration = Duration::from_secs(1);
 
 const FULL: &str = "as many as can be have live values: later, or GET /api/v1/status";
 
-/// Sent with each answer: nobody stores it, and no page shows it.
+/// Sent with each answer: it must be neither cached nor framed.
 const HEADERS: &[(&str, &str)] = &[
     ("Cache-Control", "no-store"),
     ("X-Content-Type-Options", "nosniff"),
@@ -79,7 +79,7 @@ impl Answer {
         Self { status: 200, header: None, content }
     }
 
-    /// Done, and there is nothing to tell.
+    /// Done, without content.
     pub(super) fn done() -> Self {
         Self { status: 204, header: None, content: Content::Nothing }
     }
@@ -182,12 +182,12 @@ impl Chunks for Pieces<'_, '_> {
             while self.content.next(&self.source, &mut piece) == Ok(true) {
                 writer.write_chunk(piece.as_bytes()).await?;
                 piece.clear();
-                // Whoever else waits has a turn between two rows.
+                // Lets other tasks run between two rows.
                 yield_now().await;
             }
             let Content::Live(status, token) = &mut self.content else { break };
             Timer::after(LIVE_PAUSE).await;
-            // It is not used by that: it ends at its time.
+            // Live values do not prolong the session.
             if session::user(self.source.gateway, token, false).is_none() {
                 break;
             }

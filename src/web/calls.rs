@@ -87,7 +87,7 @@ fn uncommitted(error: &Uncommitted) -> Answer {
 impl<S: Store, Y: System> Api<'_, '_, S, Y> {
     pub(super) async fn run(&self, call: Call, caller: &Caller, body: &str) -> Answer {
         match call {
-            // Nobody has logged in for it.
+            // A log-in needs no session.
             Call::LogIn => Answer::done(),
             Call::Session => {
                 let (user, role) = (Quoted(&caller.name), caller.role);
@@ -135,7 +135,7 @@ impl<S: Store, Y: System> Api<'_, '_, S, Y> {
             Err(Refused::Wrong) => return Answer::error(401, &Denied::Wrong),
         };
         let (role, now, mut token) = (user.role, Instant::now(), Token::default());
-        // Who has entered by a password has one.
+        // A log-in by password implies one.
         let password = user.password.unwrap_or_default();
         if !self.system.random(&mut token) {
             return Answer::error(403, &Denied::NoHash);

@@ -1,4 +1,4 @@
-//! Refuses what a page of another origin has a browser send.
+//! Refuses requests that a page of another origin makes a browser send.
 //!
 //! A browser says whom it means to reach (`Host`), and whose page it was (`Origin`, `Sec-Fetch-Site`). A name that leads here by an
 //! attacker's DNS (rebinding) is none of the gateway's: it is known by its addresses, as `localhost`, and by the name that the settings

@@ -20,32 +20,10 @@ const PACKETS: usize = 10_000;
 /// Time for those of a stage. A busy machine sends fewer.
 const TIME: Duration = Duration::from_secs(4);
 /// Names and numbers that mean something, among others.
-const NAMES: [&str; 24] = [
-    "ssh-userauth",
-    "ssh-connection",
-    "vera",
-    "nobody",
-    "none",
-    "password",
-    "publickey",
-    "keyboard-interactive",
-    "hostbased",
-    "ssh-ed25519",
-    "let me out",
-    "session",
-    "direct-tcpip",
-    "x11",
-    "auth-agent@openssh.com",
-    "pty-req",
-    "shell",
-    "exec",
-    "subsystem",
-    "window-change",
-    "env",
-    "tcpip-forward",
-    "signal",
-    "show config",
-];
+const NAMES: &str = "ssh-userauth, ssh-connection, vera, nobody, none, password, publickey, \
+    keyboard-interactive, hostbased, ssh-ed25519, let me out, session, direct-tcpip, x11, \
+    auth-agent@openssh.com, pty-req, shell, exec, subsystem, window-change, env, \
+    tcpip-forward, signal, show config";
 const KINDS: [u8; 30] = [
     1, 2, 3, 4, 5, 6, 7, 20, 21, 30, 31, 50, 51, 52, 60, 61, 80, 81, 82, 90, 91, 92, 93, 94, 95, 96, 97, 98,
     99, 100,
@@ -67,7 +45,10 @@ fn payload(random: &mut Random, stage: Stage, channel: u32) -> Vec<u8> {
     }
     for _ in 0..random.index(7) {
         match random.index(6) {
-            0..=2 => raw::put(&mut payload, NAMES[random.index(NAMES.len())].as_bytes()),
+            0..=2 => {
+                let names: Vec<_> = NAMES.split(", ").collect();
+                raw::put(&mut payload, names[random.index(names.len())].as_bytes());
+            }
             3 => payload.push(random.index(2) as u8),
             4 => payload.extend((random.bits() as u32 >> random.index(32)).to_be_bytes()),
             _ => {

@@ -96,18 +96,9 @@ impl Client {
         if stage == Stage::Exchange {
             return Ok(self);
         }
-        let lists = [
-            "curve25519-sha256,kex-strict-c-v00@openssh.com",
-            "ssh-ed25519",
-            "chacha20-poly1305@openssh.com",
-            "chacha20-poly1305@openssh.com",
-            "hmac-sha2-256-etm@openssh.com",
-            "hmac-sha2-256-etm@openssh.com",
-            "none",
-            "none",
-            "",
-            "",
-        ];
+        let [cipher, check] = ["chacha20-poly1305@openssh.com", "hmac-sha2-256-etm@openssh.com"];
+        let exchange = "curve25519-sha256,kex-strict-c-v00@openssh.com";
+        let lists = [exchange, "ssh-ed25519", cipher, cipher, check, check, "none", "none", "", ""];
         let mut own = vec![20];
         own.extend([7; 16]);
         lists.iter().for_each(|list| put(&mut own, list.as_bytes()));

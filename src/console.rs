@@ -84,7 +84,7 @@ const STOP_BYTES_MAX: usize = 16;
 /// `update` an unfinished image in `update`: the next session needs other instances.
 pub async fn run<IO: Read + Write, S: Store, U: Update, Y: System>(
     gateway: &Gateway<'_>,
-    mut stream: IO,
+    stream: &mut IO,
     store: &mut S,
     update: &mut U,
     system: &Y,
@@ -99,7 +99,7 @@ pub async fn run<IO: Read + Write, S: Store, U: Update, Y: System>(
         stream.write_all(shell.session.out.text.as_bytes()).await?;
         shell.session.out.clear();
         if let Wait::Update { allow_older } = wait {
-            let received = update::receive(&mut stream, update, allow_older).await?;
+            let received = update::receive(stream, update, allow_older).await?;
             // What was typed ahead may be of the transfer.
             keys = if U::EXISTS { 0..0 } else { keys };
             wait = shell.updated(received);

@@ -224,8 +224,8 @@ impl<'g> Gateway<'g> {
     }
 
     /// Waits until multicast DNS may have something new to announce: another name or other servers; one task may wait.
-    pub async fn new_mdns(&self) {
-        self.mdns_changed.wait().await;
+    pub fn new_mdns(&self) -> impl Future<Output = ()> {
+        self.mdns_changed.wait()
     }
 
     /// The frames.

@@ -240,10 +240,10 @@ pub(crate) fn move_route(settings: &mut Settings, words: &Words<'_>) -> Result<C
     let to = route_place(settings, words.take())?;
     words.end()?;
     let span = settings.routes.get_mut(from.min(to)..=from.max(to)).unwrap_or_default();
-    if from < to {
-        span.rotate_left(1)
-    } else {
-        span.rotate_right(1)
+    // Step by step: a rotation by any number is more code.
+    for step in 1..span.len() {
+        let at = if from < to { step } else { span.len() - step };
+        span.swap(at - 1, at);
     }
     Ok(Changed::Rule(to))
 }

@@ -6,7 +6,6 @@ use super::port_limits::{
     BAUD, CHAR_TIMEOUT, CLIENTS, DOWN_AFTER, HOUR, ID, IDLE, LIFETIME, MINUTE, PIPELINE, REQUESTS, RESERVED,
     RETRIES, SECOND, SOCKETS, TEN_SECONDS, TIMEOUT, UNIT,
 };
-use crate::scanner::POINTS;
 use crate::settings::{
     EthercatSettings, SerialSettings, TcpClientSettings, TcpServerSettings, UdpServerSettings,
 };
@@ -95,8 +94,6 @@ impl UdpServerSettings {
 impl EthercatSettings {
     pub(super) fn field(&mut self, key: Key) -> Option<Field<'_>> {
         Some(match key {
-            // Its keywords exist only in images with points.
-            _ if !POINTS => return None,
             Key::Interface => Field::Interface(&mut self.interface),
             Key::Line => Field::Line(&mut self.line),
             Key::OnLoss => Field::OnLoss(&mut self.on_loss),

@@ -198,12 +198,14 @@ pub(crate) fn new_port<'a>(words: &'a Words) -> Result<(PortKind, Word<'a>), Wro
         Medium::Http => words.take().keyword(SIDES.get(..2).unwrap_or(SIDES), "server")?,
         #[cfg(feature = "ssh")]
         Medium::Ssh => words.take().keyword(SIDES.get(..1).unwrap_or(SIDES), "server")?,
-        Medium::Scanner | Medium::Ethercat if !POINTS => return Err(word.error(Problem::NoPoints)),
-        Medium::Scanner => {
+        Medium::Scanner if POINTS => {
             words.end()?;
             return Ok((PortKind::Scanner, word));
         }
-        Medium::Ethercat => return Ok((PortKind::Ethercat(EthercatSettings::default()), word)),
+        Medium::Scanner | Medium::Ethercat => {
+            let settings = EthercatSettings::new().ok_or_else(|| word.error(Problem::NoPoints))?;
+            return Ok((PortKind::Ethercat(settings), word));
+        }
         Medium::Serial => Side::Client,
     };
     if SERVERS && matches!((medium, side), (Medium::Tcp, Side::Client)) {
@@ -380,7 +382,8 @@ impl PortKind {
                 Self::Http { listen: *listen, allowed: Allowed::everybody(), cleartext: false }
             }
             Self::Scanner => Self::Scanner,
-            Self::Ethercat(_) => Self::Ethercat(EthercatSettings::default()),
+            // Never the other one: where there is no EtherCAT, there is no such port.
+            Self::Ethercat(_) => EthercatSettings::new().map_or(Self::Scanner, Self::Ethercat),
         }
     }
 }

@@ -133,20 +133,45 @@ macro_rules! help_with {
 help_with!("web", http_help: "port NAME http server [ADDRESS:]PORT [OPTION]...\tthe web interface\n");
 help_with!("web", http_options: "  http server: allow PREFIX,...|*, cleartext: log in from other machines\n");
 help_with!("ssh", ssh_help: "port NAME ssh server [ADDRESS:]PORT [OPTION]...\tthe console by SSH\n");
+help_with!("servers", servers_help: "port NAME tcp client [OPTION]...\tmany servers: see help server\n");
+help_with!("servers", servers_options: "    many servers: sockets N (connections at a time)\n");
+help_with!("servers", delete_server_help: "delete server PORT unit UNITS\n");
+help_with!(
+    "points",
+    points_help: "port NAME scanner\tpolls the devices of data points, by the
+\trules for its name
+port NAME ethercat [OPTION]...\tthe gateway as an EtherCAT SubDevice
+"
+);
+help_with!(
+    "points",
+    ethercat_options: "  ethercat:   interface NAME (on Linux: where a MainDevice is),
+              line PORT, on-loss hold|clear|stop, id N|alias,
+              modules|no-modules, emergencies|no-emergencies,
+              prove-outputs|no-prove-outputs
+"
+);
+help_with!(
+    "points",
+    delete_points_help: "delete device NAME
+delete point NAME
+delete slave N
+delete slaves\tall of them
+"
+);
+help_with!("users", delete_user_help: "delete user NAME\n");
 
 const PORT: &str = concat!(
     "port NAME KIND ...\tadds a port, or replaces the one of that name
 port NAME serial DEVICE rtu|ascii client|server [BAUD] [FORMAT] [OPTION]...
 port NAME tcp|udp server [ADDRESS:]PORT [OPTION]...
 port NAME tcp client ADDRESS[:PORT] [OPTION]...\tone server
-port NAME tcp client [OPTION]...\tmany servers: see help server
 ",
+    servers_help!(),
     http_help!(),
     ssh_help!(),
-    "port NAME scanner\tpolls the devices of data points, by the
-\trules for its name
-port NAME ethercat [OPTION]...\tthe gateway as an EtherCAT SubDevice
-  serial:     19200 8E1 (ascii 7E1), gap T|auto, char-timeout T|auto,
+    points_help!(),
+    "  serial:     19200 8E1 (ascii 7E1), gap T|auto, char-timeout T|auto,
               echo|no-echo, rs232|rs485|rts;
               with rs485 or rts: driver-before T, driver-after T
     client:   timeout T, retries N, turnaround T, start-delay T,
@@ -154,9 +179,11 @@ port NAME ethercat [OPTION]...\tthe gateway as an EtherCAT SubDevice
     server:   answer-within T, reply-delay T
   tcp client: rtu, in-flight N, timeout T, connect-timeout T, connect-delay T,
               request-delay T, idle T, retries N, late-window T|auto,
-              down-after N; one server: unit N;
-              many servers: sockets N (connections at a time)
-  tcp server: rtu, clients N, idle T, pipeline N, lifetime T,
+              down-after N
+    one server: unit N
+",
+    servers_options!(),
+    "  tcp server: rtu, clients N, idle T, pipeline N, lifetime T,
               full displace|refuse, reserve N for PREFIX[,PREFIX]...,
               allow PREFIX,...|*; capture: frames for Wireshark
   udp server: pipeline N, requests N, lifetime T, allow PREFIX,...|*
@@ -164,11 +191,8 @@ port NAME ethercat [OPTION]...\tthe gateway as an EtherCAT SubDevice
               broadcast all, confirm-broadcast
 ",
     http_options!(),
-    "  ethercat:   interface NAME (on Linux: where a MainDevice is),
-              line PORT, on-loss hold|clear|stop, id N|alias,
-              modules|no-modules, emergencies|no-emergencies,
-              prove-outputs|no-prove-outputs
-  A time T has its unit: 750us, 1.75ms, 300ms, 1s, 2m.
+    ethercat_options!(),
+    "  A time T has its unit: 750us, 1.75ms, 300ms, 1s, 2m.
   port P1 serial uart1 rtu client 19200 8E1 timeout 300ms"
 );
 
@@ -275,16 +299,17 @@ edit route N ...\tputs another rule in place of rule N",
     (
         "delete",
         verb(
-            "delete port NAME\tremoves a line of the settings
+            concat!(
+                "delete port NAME\tremoves a line of the settings
 delete port NAME\ta port that no rule names
-delete server PORT unit UNITS
-delete route N
+",
+                delete_server_help!(),
+                "delete route N
 delete routes\tall rules
-delete device NAME
-delete point NAME
-delete slave N
-delete slaves\tall of them
-delete user NAME",
+",
+                delete_points_help!(),
+                delete_user_help!(),
+            ),
             changes::delete,
         )
         .then(THINGS, PORTS_AND_OPTIONS),

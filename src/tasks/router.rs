@@ -20,8 +20,8 @@ use crate::settings::{PortId, USERS};
 use crate::stats::{Event, LogEntry, Outcome};
 
 impl Gateway<'_> {
-    /// The routing task.
-    pub async fn route(&self) {
+    /// The routing task, which never ends.
+    pub async fn route(&self) -> ! {
         loop {
             let frame = self.inbox.receive(self.pool()).await;
             let (stage, origin) = frame.read(|envelope| (envelope.stage, envelope.origin));

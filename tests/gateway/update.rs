@@ -62,8 +62,8 @@ fn at_console(
         let stream = network.connect_over(path, machine(1), 23).unwrap();
         let scenario = scenario(Sender::new(stream, Weather::default(), seed));
         let console = async {
-            let (stream, _) = host.accept(&listen).await.unwrap();
-            ended = run(rig.gateway, stream, &mut NoStore, update, board, mode).await.ok();
+            let (mut stream, _) = host.accept(&listen).await.unwrap();
+            ended = run(rig.gateway, &mut stream, &mut NoStore, update, board, mode).await.ok();
             // Who sits there sees the end.
         };
         world.run_until(embassy_futures::join::join(console, scenario));

@@ -3,7 +3,7 @@
 //! While an image is on trial, the head stays as it is: what is saved goes to the other copy, with a head of its own that names the
 //! image. Confirming makes that the head. If another image runs at the next start, that one went back, and its head is dropped.
 
-use crc::{Digest, Table};
+use crc::{Digest, NoTable};
 use embedded_storage_async::nor_flash::NorFlash;
 use mobgate::hal::{Store, StoreError};
 use mobgate::settings::{LINE_BYTES_MAX, PORTS_MAX, ROUTES_MAX};
@@ -96,7 +96,7 @@ pub struct FlashStore<F: NorFlash> {
 struct Next {
     copy: u8,
     length: usize,
-    digest: Digest<'static, u32, Table<1>>,
+    digest: Digest<'static, u32, NoTable>,
 }
 
 impl<F: NorFlash> FlashStore<F> {

@@ -83,18 +83,18 @@ enum End {
 }
 
 #[embassy_executor::task]
-async fn router() {
+async fn router() -> ! {
     GATEWAY.route().await
 }
 
 #[embassy_executor::task(pool_size = PORTS_MAX)]
-async fn port(id: PortId, mut lines: Lines) {
-    GATEWAY.run_port(id, &mut lines, &Connector, &mut Datagrams).await
+async fn port(id: PortId, mut lines: Lines) -> ! {
+    match GATEWAY.run_port(id, &mut lines, &Connector, &mut Datagrams).await {}
 }
 
 #[embassy_executor::task(pool_size = CONNECTIONS)]
-async fn connection(index: usize, mut sockets: TcpSockets) {
-    GATEWAY.run_connection(index, &mut sockets).await
+async fn connection(index: usize, mut sockets: TcpSockets) -> ! {
+    match GATEWAY.run_connection(index, &mut sockets).await {}
 }
 
 #[embassy_executor::task]

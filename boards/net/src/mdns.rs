@@ -24,7 +24,7 @@ const ALL: IpEndpoint = IpEndpoint::new(IpAddress::Ipv4(GROUP), PORT);
 
 /// Answers while the settings of `gateway` announce something at `stack`; never returns. Withdrawn records expire after two
 /// minutes: a board does not remember what it has announced, so it sends no farewell.
-pub async fn run(gateway: &Gateway<'_>, stack: Stack<'static>) {
+pub async fn run(gateway: &Gateway<'_>, stack: Stack<'static>) -> ! {
     let (mut received, mut sent) = ([PacketMetadata::EMPTY; 1], [PacketMetadata::EMPTY; 1]);
     let (mut query, mut answers) = ([0; QUERY_BYTES_MAX], [0; MESSAGE_BYTES]);
     let mut socket = UdpSocket::new(stack, &mut received, &mut query, &mut sent, &mut answers);

@@ -34,18 +34,18 @@ use crate::lines::{FIGURES, Lines};
 use crate::uart::{DIVISOR_MIN, Line};
 
 #[embassy_executor::task]
-async fn router() {
+async fn router() -> ! {
     GATEWAY.route().await
 }
 
 #[embassy_executor::task(pool_size = PORTS)]
-async fn port(id: PortId, sockets: &'static Sockets) {
-    GATEWAY.run_port(id, &mut Lines, &Connector::new(sockets), &mut Datagrams::new(sockets)).await
+async fn port(id: PortId, sockets: &'static Sockets) -> ! {
+    match GATEWAY.run_port(id, &mut Lines, &Connector::new(sockets), &mut Datagrams::new(sockets)).await {}
 }
 
 #[embassy_executor::task(pool_size = CONNECTIONS)]
-async fn connection(index: usize, sockets: &'static Sockets) {
-    GATEWAY.run_connection(index, &mut TcpSockets::new(sockets)).await
+async fn connection(index: usize, sockets: &'static Sockets) -> ! {
+    match GATEWAY.run_connection(index, &mut TcpSockets::new(sockets)).await {}
 }
 
 #[embassy_executor::task]

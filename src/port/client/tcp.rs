@@ -38,11 +38,11 @@ pub(crate) async fn run<C: TcpConnect>(
     dispatcher: &Dispatcher<'_>,
     settings: &TcpClientSettings,
     connector: &C,
-) {
+) -> ! {
     let port_state = dispatcher.port_state().state();
     let status = if settings.idle > Duration::from_ticks(0) { Status::Idle } else { Status::Off };
     dispatcher.set_all_statuses(status);
-    join_array::<_, CONNECTIONS_MAX>(core::array::from_fn(|connection| {
+    let [never, ..] = join_array::<_, CONNECTIONS_MAX>(core::array::from_fn(|connection| {
         let socket = port_state.sockets.get(connection);
         let connection = connection as u8;
         async move {
@@ -55,6 +55,7 @@ pub(crate) async fn run<C: TcpConnect>(
         }
     }))
     .await;
+    never
 }
 
 /// One connection of the port, which serves one server after another.
@@ -77,7 +78,7 @@ enum Outcome {
 }
 
 impl<C: TcpConnect> ConnectionTask<'_, '_, C> {
-    async fn run(&self) {
+    async fn run(&self) -> ! {
         let Self { dispatcher, settings, socket, .. } = self;
         let keeps = settings.idle == Duration::from_ticks(0);
         let mut first_id = u16::from(self.connection).wrapping_mul(ID_STRIDE);

@@ -283,6 +283,8 @@ pub(super) fn any_ethercat() -> impl Strategy<Value = PortKind> {
                 id,
                 emergencies,
                 modules,
+                // Only asked for with points.
+                ..EthercatSettings::new().unwrap()
             })
         },
     )

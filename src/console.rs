@@ -12,8 +12,8 @@
 pub(crate) mod access;
 mod ask;
 mod asks;
-// Without users there is no audit trail.
-#[cfg(feature = "users")]
+// As the feature.
+#[cfg(feature = "audit")]
 mod audit;
 // Replaced by a stub in images without a candidate.
 #[cfg_attr(not(feature = "candidate"), path = "console/no_candidate.rs")]

@@ -17,12 +17,13 @@ use crate::fieldbus::EthercatState;
 use crate::frame::{Channel, Envelope, Frame, FramePool, FrameWriter, Origin, ReplyTo, Stage};
 use crate::modbus::Exception;
 use crate::scanner::{POINTS, ScannerState};
-use crate::settings::{OwnNetwork, PortId, Settings, USERS};
+use crate::settings::{AUDIT, OwnNetwork, PortId, Settings};
 use crate::stats::Log;
 
 mod apply;
 #[doc(hidden)] // Public for boards and tests.
 pub mod audit;
+mod calendar;
 // Replaced by a stub in images without a candidate.
 #[cfg_attr(not(feature = "candidate"), path = "gateway/no_candidate.rs")]
 mod candidate;
@@ -34,8 +35,11 @@ mod connection;
 // As the candidate.
 #[cfg_attr(not(feature = "candidate"), path = "gateway/no_cut_off.rs")]
 pub(crate) mod cut_off;
+// Images without a calendar have no dates.
+#[cfg_attr(not(feature = "audit"), path = "gateway/no_date.rs")]
+pub mod date;
 // Without a candidate and an audit trail nobody asks.
-#[cfg_attr(not(feature = "users"), allow(dead_code))]
+#[cfg_attr(not(feature = "audit"), allow(dead_code))]
 pub(crate) mod difference;
 pub(crate) mod direct_request;
 pub(crate) mod enter;
@@ -63,7 +67,10 @@ pub mod unit_health;
 #[cfg(feature = "web")]
 pub(crate) mod web;
 
+use self::audit::AuditMemory;
 use self::audit::state::Audit;
+use self::calendar::Calendar;
+pub use self::calendar::TimeState;
 pub use self::candidate::Candidate;
 pub use self::check::ApplyError;
 pub use self::connection::{Connection, ConnectionState};
@@ -113,8 +120,10 @@ pub struct Gateway<'g> {
     events: Shared<Events>,
     /// Failed attempts to log in.
     attempts: Shared<Attempts>,
-    /// The audit trail, where there are users.
-    audit: [Audit; USERS as usize],
+    /// The audit trail, its lines, and the time for them.
+    audit: [Audit; AUDIT as usize],
+    audit_memory: Option<&'g AuditMemory>,
+    calendar: [Calendar; AUDIT as usize],
     // As its module.
     #[cfg(feature = "web")]
     pub(crate) web: Web,
@@ -155,7 +164,9 @@ impl<'g> Gateway<'g> {
             direct_request: DirectRequestState::new(),
             events: Mutex::new(RefCell::new(Events::new())),
             attempts: Mutex::new(RefCell::new(Attempts::new())),
-            audit: [const { Audit::new() }; USERS as usize],
+            audit: [const { Audit::new() }; AUDIT as usize],
+            audit_memory: None,
+            calendar: [const { Calendar::new() }; AUDIT as usize],
             // As above.
             #[cfg(feature = "web")]
             web: Web::new(),

@@ -12,9 +12,11 @@ use embedded_io_async::{Read, Write};
 use crate::settings::{LineSettings, PasswordHash, PortId, ServerAddress, StaticAddress, TcpListen};
 
 mod relay;
+mod syslog;
 mod update;
 
 pub use self::relay::Relay;
+pub use self::syslog::{SyslogHost, SyslogLink};
 pub use self::update::{FirmwareState, NoUpdate, SharedUpdate, Update, UpdateError, Version};
 
 /// Why something could not be opened, with a hint for the user.

@@ -12,6 +12,9 @@ mod line;
 pub(crate) mod listed;
 mod loader;
 mod mdns;
+// Images without an audit trail ask nobody for the time.
+#[cfg(feature = "audit")]
+mod ntp;
 mod option;
 mod own_network;
 mod point_checks;

@@ -30,6 +30,7 @@ pub(crate) use self::ethercat::INTERFACE_BYTES_MAX;
 pub use self::ethercat::{EthercatSettings, InterfaceName, OnLoss};
 pub use self::functions::Functions;
 pub use self::lane::Lane;
+pub(crate) use self::limits::PATHS;
 pub use self::limits::{
     DEVICE_BYTES_MAX, LINE_BYTES_MAX, NAME_BYTES_MAX, Name, PORTS_MAX, PortId, RESERVED_MAX, ROUTES_MAX,
 };
@@ -59,7 +60,7 @@ pub use self::servers::{
 pub use self::side::Side;
 pub(crate) use self::slaves::POLLING_MS;
 pub use self::slaves::{Cells, OnSilence, SLAVES_MAX, SlaveSettings};
-pub(crate) use self::syslog::Syslogs;
+pub(crate) use self::syslog::{AUDIT, NtpServers, Syslogs};
 pub use self::syslog::{Syslog, Transport};
 pub use self::time::Time;
 pub use self::users::PasswordHash;

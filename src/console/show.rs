@@ -4,7 +4,7 @@ use core::fmt;
 
 use embassy_time::Instant;
 
-#[cfg(feature = "users")]
+#[cfg(feature = "audit")]
 use super::audit;
 #[cfg(feature = "candidate")] // As the topic.
 use super::diff;
@@ -39,8 +39,8 @@ pub(crate) enum Show {
     Devices,
     Registers,
     Users,
-    // Its row would take room in images without users.
-    #[cfg(feature = "users")]
+    // Its row would take room in images without a trail.
+    #[cfg(feature = "audit")]
     Audit,
     Config,
     /// The same with the hashes of passwords.
@@ -67,7 +67,7 @@ pub(super) const TOPICS: &[(&str, (Show, &str))] = &[
     ("devices", (Show::Devices, "the devices that the scanner polls")),
     ("registers", (Show::Registers, "the gateway's own, where a rule leads to local")),
     ("users", (Show::Users, "who may log in")),
-    #[cfg(feature = "users")]
+    #[cfg(feature = "audit")]
     ("audit", (Show::Audit, "who changed what, from where, and what was refused")),
     ("config", (Show::Config, "the settings as lines; config secrets: with hashes")),
     #[cfg(feature = "candidate")] // As above.
@@ -88,7 +88,7 @@ impl Show {
             Self::Secrets => {
                 (settings::USERS && !(is_local && own == Role::Engineer)).then_some(Denied::NotLocal)
             }
-            #[cfg(feature = "users")]
+            #[cfg(feature = "audit")]
             Self::Audit if own < Role::Engineer => Some(Denied::Role { needed: Role::Engineer, own }),
             _ => None,
         }
@@ -168,7 +168,7 @@ pub(super) fn write(
         Show::Devices => points::device(source, place, out),
         Show::Registers => registers::row(source, place, out),
         Show::Users if settings::USERS => table(users::HEAD, users::row, out),
-        #[cfg(feature = "users")]
+        #[cfg(feature = "audit")]
         Show::Audit => audit::row(source, system, place, out),
         Show::Config => write_shown_line(source.settings, place, Shown::WithoutSecrets, out),
         Show::Secrets => write_shown_line(source.settings, place, Shown::WithSecrets, out),
@@ -190,7 +190,7 @@ const fn columns(what: Show) -> Columns {
         Show::Routes => &[-3, 15, 7, 18, 4, 15, 7],
         Show::Units => &[15, -4, 11, -10, -10, -10, -10, -9, -9, -9],
         Show::Users => users::COLUMNS,
-        #[cfg(feature = "users")]
+        #[cfg(feature = "audit")]
         Show::Audit => audit::COLUMNS,
         Show::Clients => &[15, 21, -9, -9, -4, -10],
         Show::Stats => &[15, 13, -10, -10],
@@ -375,6 +375,7 @@ fn version(source: &Source<'_, '_>, system: &dyn System, place: usize, out: &mut
     let up = age(Instant::from_ticks(0), now);
     (place == 0).then(|| {
         write!(out, "mobgate {version} on {board}, up {up}")?;
+        gateway.write_time(settings.ntp(), now, out)?;
         if let Some(firmware) = system.firmware() {
             write!(out, ", {firmware}")?;
         }

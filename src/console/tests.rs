@@ -31,6 +31,7 @@ use mobgate_clock as _;
 use self::store::Memory;
 use super::*;
 use crate::frame::{FramePool, Slot};
+use crate::gateway::audit::AuditMemory;
 use crate::gateway::{Candidate, Connection, Ports};
 use crate::hal::{NetworkState, NoUpdate};
 use crate::modbus::Exception;
@@ -117,12 +118,18 @@ const CONNECTIONS: usize = 40;
 
 /// Calls `test` with a gateway of four port places.
 fn with_gateway(test: impl FnOnce(&Gateway<'_>)) {
+    with_memory(&AuditMemory::new(), test);
+}
+
+/// The same with this memory for the audit trail.
+fn with_memory(audit: &AuditMemory, test: impl FnOnce(&Gateway<'_>)) {
     let slots = [const { Slot::new() }; CONNECTIONS + 8];
     let ports = Ports::<5>::new();
     let connections = [const { Connection::new() }; CONNECTIONS];
     let pool = FramePool::new(&slots, CONNECTIONS + 5);
     let (scanner, candidate) = (ScannerState::new(), Candidate::new());
-    test(&Gateway::new(&pool, &ports, &connections).with_scanner(&scanner).with_candidate(&candidate));
+    let gateway = Gateway::new(&pool, &ports, &connections).with_scanner(&scanner);
+    test(&gateway.with_candidate(&candidate).with_audit(audit));
 }
 
 /// What a session on `board` prints, and how it ends.

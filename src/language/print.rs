@@ -1,4 +1,4 @@
-//! Prints settings as the lines that recreate them: users, network, discovery and syslog, ports, servers, rules in order, devices, points
+//! Prints settings as the lines that recreate them: users, network, discovery, syslog and time, ports, servers, rules in order, devices, points
 //! and slaves.
 
 use core::fmt::{self, Display, Write};
@@ -12,8 +12,8 @@ use super::route_words::IDENTIFICATION;
 use super::users::KEY_TYPE;
 use crate::scanner::POINTS;
 use crate::settings::{
-    AddressRange, Framing, Functions, LineSettings, Mdns, Merge, Parity, Policy, Port, Route, SERVERS, SSH,
-    Settings, Side, Special, StreamFraming, Tag, Time, USERS, UnitPolicy, UnitRange,
+    AUDIT, AddressRange, Framing, Functions, LineSettings, Mdns, Merge, Parity, Policy, Port, Route, SERVERS,
+    SSH, Settings, Side, Special, StreamFraming, Tag, Time, USERS, UnitPolicy, UnitRange,
 };
 
 /// Longest baud rate and character format.
@@ -57,8 +57,13 @@ pub(crate) fn write_shown_line(
         mdns if n == 0 => return Some(write!(out, "mdns {mdns}")),
         _ => n - 1,
     };
-    let n = match settings.syslog.first().filter(|_| USERS) {
+    let n = match settings.syslog.first().filter(|_| AUDIT) {
         Some(syslog) if n == 0 => return Some(write!(out, "syslog {syslog}")),
+        Some(_) => n - 1,
+        None => n,
+    };
+    let n = match settings.ntp.first().filter(|_| AUDIT) {
+        Some(server) if n == 0 => return Some(write!(out, "ntp {server}")),
         Some(_) => n - 1,
         None => n,
     };

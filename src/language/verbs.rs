@@ -4,9 +4,9 @@
 
 use super::changes::{self, Change, option_words};
 // As its verb.
-#[cfg(feature = "users")]
-use super::syslog;
 use super::{mdns, own_network, point_words, servers, slaves, users};
+#[cfg(feature = "audit")]
+use super::{ntp, syslog};
 use crate::scanner::POINTS;
 use crate::settings::{Role, SERVERS, SSH, USERS};
 
@@ -102,7 +102,7 @@ const ROUTE: &[Offer] = &[Offer::Words(&["route"])];
 const NETWORK: &[Offer] = &[Offer::Each(|each| own_network::keywords().for_each(each))];
 const MDNS: &[Offer] = &[Offer::Each(|each| mdns::keywords().for_each(each))];
 // As its verb.
-#[cfg(feature = "users")]
+#[cfg(feature = "audit")]
 const SYSLOG: &[Offer] = &[Offer::Each(|each| syslog::keywords().for_each(each))];
 const USERS_OFFERED: &[Offer] = &[Offer::Users];
 const ROLES_OFFERED: &[Offer] = &[Offer::Words(if SSH {
@@ -313,7 +313,7 @@ mdns off\tannounces nothing",
         .then(MDNS, MDNS),
     ),
     // Not `of_users`, whose refusal takes room in images without it.
-    #[cfg(feature = "users")]
+    #[cfg(feature = "audit")]
     (
         "syslog",
         verb(
@@ -325,6 +325,19 @@ syslog off\tsends it nowhere
             syslog::syslog,
         )
         .then(SYSLOG, &[]),
+    ),
+    // As above.
+    #[cfg(feature = "audit")]
+    (
+        "ntp",
+        verb(
+            "ntp ADDRESS[:PORT]\tasks an NTP server for the time (SNTP),
+\twhich `show version` and the audit trail tell
+ntp off\tasks nobody
+  ntp 192.168.1.1",
+            ntp::ntp,
+        )
+        .then(&[Offer::Words(&["off"])], &[]),
     ),
     ("user", verb(USER_HELP, users::user).then(USERS_OFFERED, ROLES_OFFERED).of_users(changes::absent)),
 ];

@@ -16,7 +16,7 @@ use crate::modbus::pdu::{self, EXCEPTION_BIT};
 use crate::port::local;
 use crate::routing;
 use crate::routing::Decision;
-use crate::settings::{PortId, USERS};
+use crate::settings::{AUDIT, PortId};
 use crate::stats::{Event, LogEntry, Outcome};
 
 impl Gateway<'_> {
@@ -100,7 +100,7 @@ impl Gateway<'_> {
 
     /// Writes about a write that a rule forbids.
     fn audit_denied(&self, frame: &Frame<'_>, exception: Exception, unit: u8, peer: Option<IpAddr>) {
-        if !USERS || exception == Exception::GATEWAY_NO_PATH || frame.pdu(pdu::is_read) {
+        if !AUDIT || exception == Exception::GATEWAY_NO_PATH || frame.pdu(pdu::is_read) {
             return;
         }
         let (port, function) = (frame.origin().port, frame.function());

@@ -14,7 +14,7 @@ use embassy_time::{Duration, Instant, Timer};
 use mobgate::capture::Capture;
 use mobgate::fieldbus::EthercatState;
 use mobgate::frame::{FramePool, Slot};
-use mobgate::gateway::audit::{Actor, Topic};
+use mobgate::gateway::audit::{Actor, AuditMemory, Topic};
 use mobgate::gateway::reconfigure;
 use mobgate::gateway::{Candidate, Connection, Gateway, Ports};
 use mobgate::hal::{OpenError, System};
@@ -31,11 +31,12 @@ use mobgate_linux::signals::{Signal as Caught, Signals};
 use mobgate_linux::start;
 use mobgate_linux::stdio::RawMode;
 use mobgate_linux::store::FileStore;
+use mobgate_linux::syslog::SyslogSockets;
 use mobgate_linux::tcp::{Connector, TcpSockets};
 use mobgate_linux::udp::Datagrams;
 use mobgate_linux::{
     calendar, capture, console, describe, ethercat, executor, logging, mdns, passwords, service, settings,
-    ssh, syslog, tty,
+    ssh, tty,
 };
 use rustix::process::geteuid;
 use rustix::rand::{GetRandomFlags, getrandom};
@@ -55,11 +56,13 @@ static PORT_STATES: Ports<PORTS_MAX> = Ports::new();
 static CONNECTION_STATES: [Connection; CONNECTIONS] = [const { Connection::new() }; CONNECTIONS];
 static POINTS: ScannerState = ScannerState::new();
 static CANDIDATE: Candidate = Candidate::new();
+static AUDIT: AuditMemory = AuditMemory::new();
 static CAPTURE: Capture = Capture::new();
 /// The gateway as an EtherCAT SubDevice.
 static ETHERCAT: EthercatState = EthercatState::long();
 static GATEWAY: Gateway<'static> = Gateway::new(&POOL, &PORT_STATES, &CONNECTION_STATES)
     .with_candidate(&CANDIDATE)
+    .with_audit(&AUDIT)
     .with_scanner(&POINTS)
     .with_ethercat_interfaces(&ETHERCAT)
     .with_capture(&CAPTURE)
@@ -130,7 +133,7 @@ async fn service_manager() {
 
 #[embassy_executor::task]
 async fn audit_trail() {
-    join(GATEWAY.settle_audits(), syslog::run(&GATEWAY)).await;
+    join(GATEWAY.settle_audits(), GATEWAY.forward_audit(&mut SyslogSockets)).await;
 }
 
 #[embassy_executor::task]

@@ -18,7 +18,12 @@ pub mod mdns;
 mod names;
 mod pool;
 mod queued;
+// Images without an audit trail have nothing to send, and need no time for it.
+#[cfg(feature = "audit")]
+mod sntp;
 mod syn;
+#[cfg(feature = "audit")] // As above.
+mod syslog;
 mod tcp;
 mod udp;
 
@@ -26,11 +31,23 @@ pub use backlog::Backlog;
 pub use connector::Connector;
 pub use pool::Sockets;
 pub use queued::{Queued, Received};
+#[cfg(feature = "audit")] // As above.
+use syslog::SyslogSockets;
 pub use tcp::{TcpSockets, TcpStream};
 pub use udp::{Datagram, Datagrams};
 
-/// Sockets that a stack's resources need besides those of [`Sockets`]: DHCP, multicast DNS, and DNS look-ups.
-pub const STACK_SOCKETS: usize = if cfg!(feature = "servers") { 3 } else { 2 };
+/// Sockets that a stack's resources need besides those of [`Sockets`]: DHCP, multicast DNS, DNS look-ups, syslog and time.
+pub const STACK_SOCKETS: usize =
+    2 + cfg!(feature = "servers") as usize + 2 * cfg!(feature = "audit") as usize;
 
 /// Most sockets in a pool.
 pub const SOCKETS_MAX: usize = 24;
+
+/// What a board with an audit trail runs beside its sockets: counted refusals get their lines, the trail goes to a syslog server, and an
+/// NTP server tells the time. In one task with [`mdns::run`]: the stack wakes one task when the link changes. Never returns.
+#[cfg(feature = "audit")] // As above.
+pub async fn follow_audit(gateway: &'static mobgate::gateway::Gateway<'static>, sockets: &'static Sockets) {
+    let mut syslog = SyslogSockets::new(gateway, sockets);
+    let time = sntp::run(gateway, sockets.stack());
+    embassy_futures::join::join3(gateway.settle_audits(), gateway.forward_audit(&mut syslog), time).await;
+}

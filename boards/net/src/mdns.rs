@@ -70,7 +70,7 @@ pub async fn run(gateway: &Gateway<'_>, stack: Stack<'static>) {
 }
 
 /// A board's unique default name.
-fn own_name([.., a, b, c]: [u8; 6]) -> String<HOST_NAME_BYTES_MAX> {
+pub(crate) fn own_name([.., a, b, c]: [u8; 6]) -> String<HOST_NAME_BYTES_MAX> {
     let mut name = String::new();
     // It fits.
     let _ = write!(name, "mobgate-{a:02x}{b:02x}{c:02x}");

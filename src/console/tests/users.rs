@@ -89,6 +89,7 @@ const ALLOWED: [(&str, &[&str]); 3] = [
             "network",
             "mdns",
             "syslog",
+            "ntp",
             "user",
             "scan",
             "tune",

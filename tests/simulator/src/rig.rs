@@ -12,6 +12,7 @@ use embassy_time::Duration;
 use mobgate::capture::Capture;
 use mobgate::fieldbus::EthercatState;
 use mobgate::frame::{FramePool, Slot};
+use mobgate::gateway::audit::AuditMemory;
 use mobgate::gateway::{Candidate, Connection, Gateway, Ports};
 use mobgate::language::{Loader, apply};
 use mobgate::scanner::ScannerState;
@@ -108,8 +109,8 @@ pub fn with_gateway_on<T>(
     let scanner = ScannerState::new();
     let capture = Capture::new();
     let ethercat = (size.ethercat)();
-    let candidate = Candidate::new();
-    let gateway = Gateway::new(&pool, &places, &connections).with_candidate(&candidate);
+    let (candidate, audit) = (Candidate::new(), AuditMemory::new());
+    let gateway = Gateway::new(&pool, &places, &connections).with_candidate(&candidate).with_audit(&audit);
     let gateway = gateway.with_scanner(&scanner).with_capture(&capture).with_ethercat(&ethercat);
     let mut world = World::on(clock, seed);
     let rig = Rig { gateway: &gateway, network: Network::new(seed), lines };

@@ -1,6 +1,14 @@
 //! The audit trail: who changed what, from where; and sessions of users who are changed meanwhile.
 
+use core::net::SocketAddr;
+
+use embassy_time::Instant;
+
 use super::*;
+use crate::gateway::audit::Stamp;
+use crate::gateway::date::Date;
+use crate::hal::{OpenError, OpenErrorKind};
+use crate::settings::ServerAddress;
 
 /// Who and what, of all lines.
 fn trail(gateway: &Gateway<'_>) -> Vec<String> {
@@ -111,7 +119,7 @@ fn other_order(text: &str) -> Vec<String> {
 }
 
 #[test]
-fn the_trail_is_shown_to_engineers_with_ages_where_there_is_no_calendar() {
+fn the_trail_is_shown_to_engineers_with_uptimes_where_there_is_no_calendar() {
     with_gateway(|gateway| {
         add_users(gateway);
         let said = network(gateway, "operator\nlet me in\nshow audit\nsave\n");
@@ -119,7 +127,10 @@ fn the_trail_is_shown_to_engineers_with_ages_where_there_is_no_calendar() {
         let said = network(gateway, "engineer\nlet me in\nsyslog 192.168.1.9\nshow audit\n");
         let rows: Vec<&str> = said.lines().collect();
         assert_eq!(rows[0], "user: password: TIME                 WHO                   WHAT");
-        assert!(rows.iter().any(|row| row.contains("0s                   local console         user viewer role viewer")), "{said}");
+        let of_viewer = |row: &str| {
+            row.starts_with("up ") && row.contains("local console         user viewer role viewer")
+        };
+        assert!(rows.iter().any(|row| of_viewer(row)), "{said}");
         assert!(
             rows.iter().any(|row| row.contains("127.0.0.1             save is denied to the role operator")),
             "{said}"
@@ -220,5 +231,59 @@ fn a_syslog_server_is_set_printed_and_deleted() {
             let said = pipe(gateway, line);
             assert!(said.contains(error), "{line}: {said}");
         }
+    });
+}
+
+#[test]
+fn lines_of_before_a_reset_are_shown_as_such_and_only_once_sent() {
+    let memory = AuditMemory::new();
+    let (first, second) =
+        ("start of mobgate 0.1.0, started by power", "start of mobgate 0.1.0, started by the watchdog");
+    with_memory(&memory, |gateway| {
+        gateway.audit_start("started by power", None);
+        pipe(gateway, "mdns off");
+        gateway.change_forwarding(|forwarding| forwarding.sent = 1);
+    });
+    with_memory(&memory, |gateway| {
+        gateway.audit_start("started by the watchdog", Some("the console stood still"));
+        let shown = pipe(gateway, "show audit");
+        let rows: Vec<String> = shown
+            .lines()
+            .skip(1)
+            .map(|row| row.split_whitespace().skip(2).collect::<Vec<_>>().join(" "))
+            .collect();
+        let expected = [first, "local console mdns off", "above: before the last start", second];
+        assert!(
+            rows.iter().zip(expected).all(|(row, end)| row.ends_with(end) || end.ends_with(row)),
+            "{shown}"
+        );
+        assert_eq!(rows.len(), 5, "{shown}");
+        assert!(rows[4].contains("the last run ended: the console stood still"), "{shown}");
+        assert_eq!(gateway.forwarding().sent, 1, "the next line that a server gets is the second");
+        assert_eq!(gateway.audit_line(2).map(|line| line.number), Some(3), "numbers go on");
+    });
+}
+
+#[test]
+fn once_the_time_is_known_the_lines_of_this_run_have_dates_and_earlier_ones_keep_theirs() {
+    let (memory, server) = (AuditMemory::new(), ServerAddress::from(SocketAddr::from(([10, 0, 0, 1], 123))));
+    let noon = Date(1_795_694_400_000_000);
+    with_memory(&memory, |gateway| {
+        gateway.audit_start("one", None);
+        assert!(gateway.date(Instant::now()).is_none());
+        gateway.set_time(&server, Err(OpenError::new(OpenErrorKind::TimedOut, "")));
+        assert!(gateway.date(Instant::now()).is_none());
+        gateway.set_time(&server, Ok((noon, Instant::now())));
+        let version = pipe(gateway, "show version");
+        assert!(version.trim_end().ends_with(", 2026-11-26T12:00:00Z by 10.0.0.1:123"), "{version}");
+        pipe(gateway, "mdns off");
+    });
+    with_memory(&memory, |gateway| {
+        gateway.audit_start("two", None);
+        let stamps = (0..).map_while(|nth| gateway.audit_line(nth)).map(|line| line.stamp);
+        let dated: Vec<bool> = stamps
+            .map(|stamp| matches!(stamp, Stamp::Date(date) if date <= noon || date.0 - noon.0 < 60_000_000))
+            .collect();
+        assert_eq!(dated, [true, true, false], "the first line was written before the time was known");
     });
 }

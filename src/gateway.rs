@@ -69,8 +69,7 @@ pub(crate) mod web;
 
 use self::audit::AuditMemory;
 use self::audit::state::Audit;
-use self::calendar::Calendar;
-pub use self::calendar::TimeState;
+use self::calendar::state::Calendar;
 pub use self::candidate::Candidate;
 pub use self::check::ApplyError;
 pub use self::connection::{Connection, ConnectionState};

@@ -1,52 +1,18 @@
 //! The time of day, for boards that have none of their own: asked from an NTP server.
 
-use core::cell::RefCell;
+pub(super) mod state;
+
 use core::fmt;
 use core::future::pending;
 
-use embassy_sync::blocking_mutex::Mutex;
-use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
-use embassy_sync::signal::Signal;
 use embassy_time::Instant;
 
+use self::state::TimeState;
 use super::Gateway;
 use super::audit::Stamp;
 use super::date::Date;
-use super::shared::Shared;
 use crate::hal::OpenError;
 use crate::settings::ServerAddress;
-
-/// What is known of the time.
-pub(super) struct Calendar {
-    state: Shared<TimeState>,
-    pub(super) server_changed: Signal<CriticalSectionRawMutex, ()>,
-}
-
-impl Calendar {
-    pub(super) const fn new() -> Self {
-        Self { state: Mutex::new(RefCell::new(TimeState::UNKNOWN)), server_changed: Signal::new() }
-    }
-}
-
-/// What is known of the time, and from whom.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct TimeState {
-    /// When this run began.
-    pub(crate) start: Option<Date>,
-    /// Who has told it.
-    pub(crate) source: Option<ServerAddress>,
-    /// Why it was not told when it was last asked for.
-    pub(crate) fault: Option<OpenError>,
-}
-
-impl TimeState {
-    const UNKNOWN: Self = Self { start: None, source: None, fault: None };
-
-    /// The date of `at`, if it is known.
-    fn date(&self, at: Instant) -> Option<Date> {
-        Some(Date(self.start?.0.saturating_add(at.as_micros())))
-    }
-}
 
 impl Gateway<'_> {
     /// What is known of the time.

@@ -9,6 +9,9 @@
 #![deny(unsafe_code)]
 
 pub mod address;
+// Images without an audit trail have nothing to send, and need no time for it.
+#[cfg(feature = "audit")]
+mod audit;
 mod backlog;
 mod closing;
 mod connector;
@@ -18,8 +21,7 @@ pub mod mdns;
 mod names;
 mod pool;
 mod queued;
-// Images without an audit trail have nothing to send, and need no time for it.
-#[cfg(feature = "audit")]
+#[cfg(feature = "audit")] // As above.
 mod sntp;
 mod syn;
 #[cfg(feature = "audit")] // As above.
@@ -27,12 +29,12 @@ mod syslog;
 mod tcp;
 mod udp;
 
+#[cfg(feature = "audit")] // As above.
+pub use audit::follow_audit;
 pub use backlog::Backlog;
 pub use connector::Connector;
 pub use pool::Sockets;
 pub use queued::{Queued, Received};
-#[cfg(feature = "audit")] // As above.
-use syslog::SyslogSockets;
 pub use tcp::{TcpSockets, TcpStream};
 pub use udp::{Datagram, Datagrams};
 
@@ -42,12 +44,3 @@ pub const STACK_SOCKETS: usize =
 
 /// Most sockets in a pool.
 pub const SOCKETS_MAX: usize = 24;
-
-/// What a board with an audit trail runs beside its sockets: counted refusals get their lines, the trail goes to a syslog server, and an
-/// NTP server tells the time. In one task with [`mdns::run`]: the stack wakes one task when the link changes. Never returns.
-#[cfg(feature = "audit")] // As above.
-pub async fn follow_audit(gateway: &'static mobgate::gateway::Gateway<'static>, sockets: &'static Sockets) {
-    let mut syslog = SyslogSockets::new(gateway, sockets);
-    let time = sntp::run(gateway, sockets.stack());
-    embassy_futures::join::join3(gateway.settle_audits(), gateway.forward_audit(&mut syslog), time).await;
-}

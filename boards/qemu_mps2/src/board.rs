@@ -1,5 +1,8 @@
 //! The console's interface to the board, and the default settings.
 
+// As their feature.
+#[cfg(feature = "users")]
+use core::cell::RefCell;
 use core::fmt::Write;
 
 use cortex_m::peripheral::SCB;
@@ -16,12 +19,15 @@ use mobgate::language::Loader;
 use mobgate_board::last_words::WORDS_BYTES_MAX;
 use mobgate_flash::{FlashStore, Image, SharedStore};
 use mobgate_net::{Sockets, address};
+#[cfg(feature = "users")] // As above.
+use mobgate_passwords::Passwords;
 use static_cell::StaticCell;
 
 use crate::faults;
 use crate::flash::FileFlash;
+use crate::gateway::GATEWAY;
 use crate::lines::CONSOLE;
-use crate::semihosting::CommandLine;
+use crate::semihosting::{CommandLine, File};
 use crate::uart::{DIVISOR_MIN, Line};
 
 /// Settings while none are saved: each line has its own range of units.
@@ -57,11 +63,19 @@ pub(crate) fn load(gateway: &Gateway<'_>) -> Store {
     store
 }
 
+// As their feature.
+#[cfg(feature = "users")]
+static PASSWORDS: static_cell::ConstStaticCell<Passwords> =
+    static_cell::ConstStaticCell::new(Passwords::new());
+
 /// This board.
 pub(crate) struct Board {
     sockets: &'static Sockets,
     /// Why the last run ended, if it was a fault.
     last_words: Option<String<WORDS_BYTES_MAX>>,
+    // As their feature.
+    #[cfg(feature = "users")]
+    passwords: RefCell<&'static mut Passwords>,
 }
 
 impl Board {
@@ -71,7 +85,14 @@ impl Board {
         if last_words.is_none() && CommandLine::read().has("fault") {
             faults::touch_nothing();
         }
-        Self { sockets, last_words }
+        GATEWAY.audit_start("started by power or a reset", last_words.as_deref());
+        Self {
+            sockets,
+            last_words,
+            // As above.
+            #[cfg(feature = "users")]
+            passwords: RefCell::new(PASSWORDS.take()),
+        }
     }
 }
 
@@ -87,6 +108,24 @@ impl System for Board {
     fn write_event(&self, n: usize, out: &mut dyn Write) -> Option<core::fmt::Result> {
         let words = self.last_words.as_ref().filter(|_| n == 0)?;
         Some(write!(out, "the last run ended: {words}"))
+    }
+
+    // As their feature.
+    #[cfg(feature = "users")]
+    async fn is_password(&self, hash: Option<&str>, password: &str) -> bool {
+        self.passwords.borrow_mut().is_right(hash, password)
+    }
+
+    #[cfg(feature = "users")] // As above.
+    async fn hash_password(&self, password: &str) -> Option<mobgate::settings::PasswordHash> {
+        let mut salt = [0; mobgate_passwords::SALT_BYTES];
+        self.random(&mut salt).then(|| self.passwords.borrow_mut().hash(password, salt))?
+    }
+
+    /// Those of the host.
+    fn random(&self, into: &mut [u8]) -> bool {
+        let host = File::open_as("/dev/urandom", "", cortex_m_semihosting::nr::open::R_BINARY);
+        host.and_then(|mut file| file.read_next(into)).is_ok()
     }
 
     fn reboot(&self) {

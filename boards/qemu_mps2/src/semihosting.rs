@@ -78,6 +78,13 @@ impl File {
         if missing == 0 { Ok(()) } else { Err(HostError) }
     }
 
+    /// Reads what comes next; of a file without a beginning, too.
+    pub(crate) fn read_next(&mut self, into: &mut [u8]) -> Result<(), HostError> {
+        // SAFETY: as in `open_as`. The call returns 0 on success.
+        let missing = unsafe { syscall!(READ, self.0, into.as_mut_ptr(), into.len()) };
+        if missing == 0 { Ok(()) } else { Err(HostError) }
+    }
+
     pub(crate) fn write(&mut self, offset: u32, from: &[u8]) -> Result<(), HostError> {
         // SAFETY: as in `open_as`.
         let missing =

@@ -25,6 +25,9 @@ const PER_BYTE_MAX: f64 = 60.0;
 const FEW_REGISTERS: u8 = 20;
 const MANY_REGISTERS: u8 = 120;
 const BYTE_TRIALS: usize = 9;
+/// Passwords that are set, and the clocks of boards in MHz.
+const PASSWORDS: usize = 5;
+const BOARDS: [(&str, f64); 3] = [("f429zi", 168.0), ("f767zi", 216.0), ("h743zi", 400.0)];
 /// The board's counts of ticks come round.
 const TICKS_ROUND: u32 = 1 << 24;
 
@@ -54,10 +57,28 @@ pub fn instructions(folder: &Path) -> f64 {
     let transaction = typical(&mut figures, TRIALS, || drop(client.read(1, 0, 10)));
     let target = Target::AtMost(GROWTH * budget("transaction_instructions"));
     figure("qemu_transaction_instructions", transaction.all, "instructions", target);
+    password(&mut machine.console(), &mut figures);
     passed_on(&machine, &mut figures);
     let most = Target::AtMost(budget("stack"));
     figure("qemu_stack_icount", f64::from(figures.stack_bytes()), "bytes", most);
     transaction.all
+}
+
+/// Prints the memory and the instructions of a password's hash, and how long a board stands still for it, at an instruction a cycle.
+fn password(console: &mut Console, figures: &mut Figures) {
+    assert_eq!(console.run("user anna role viewer"), "");
+    let hashed = typical(figures, PASSWORDS, || {
+        console.type_keys("password anna\rlet me in\rlet me in\r");
+        console.read_until("*> ");
+    });
+    let secrets = console.run("show config secrets");
+    let memory = secrets.split_once("$m=").and_then(|(_, costs)| costs.split_once(',')?.0.parse().ok());
+    figure("argon2_memory_kib", memory.expect("a hash"), "KiB", Target::None);
+    figure("argon2_instructions", hashed.all, "instructions", Target::None);
+    for (board, mhz) in BOARDS {
+        figure(&format!("{board}_argon2_ms"), hashed.all / mhz / 1000.0, "ms", Target::None);
+    }
+    assert_eq!(console.run("delete user anna"), "");
 }
 
 /// Writes and reads of many registers and of few, from line to line, while they arrive.

@@ -2,6 +2,7 @@
 
 use mobgate_qemu::{Bus, Machine, Options};
 
+mod audit;
 mod board;
 mod clients;
 mod ethercat;

@@ -47,8 +47,8 @@ pub const UDP_REQUESTS_MAX: usize = 32;
 /// Default number of clients of a TCP server: the board's number of connections.
 pub(super) const CLIENTS_DEFAULT: u16 = if cfg!(feature = "eight-clients") { 8 } else { 16 };
 
-/// Default number of clients of an SSH server: sessions, and as many who log in.
-const SSH_CLIENTS: u16 = 16;
+/// Default number of clients of an SSH server: a host's sessions, and as many who log in. Boards have fewer connections.
+const SSH_CLIENTS: u16 = if cfg!(feature = "paths") { 16 } else { 4 };
 
 /// A listener for Modbus TCP clients.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -93,7 +93,7 @@ impl TcpServerSettings {
         }
     }
 
-    /// An SSH server at `listen` with the defaults: 16 clients.
+    /// An SSH server at `listen` with the defaults: 16 clients, 4 on boards.
     pub(crate) fn ssh(listen: TcpListen) -> Self {
         Self { listen, framing: StreamFraming::Ssh, clients: SSH_CLIENTS, ..Self::new(listen.port) }
     }

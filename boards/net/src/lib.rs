@@ -18,6 +18,9 @@ pub mod mdns;
 mod names;
 mod pool;
 mod queued;
+// Images without it have no console by network.
+#[cfg(feature = "ssh")]
+mod ssh;
 mod syn;
 mod tcp;
 mod udp;
@@ -26,6 +29,8 @@ pub use backlog::Backlog;
 pub use connector::Connector;
 pub use pool::Sockets;
 pub use queued::{Queued, Received};
+#[cfg(feature = "ssh")] // As above.
+pub use ssh::SSH_SESSIONS_MAX;
 pub use tcp::{TcpSockets, TcpStream};
 pub use udp::{Datagram, Datagrams};
 

@@ -120,6 +120,19 @@ impl TcpStream {
 }
 
 impl hal::TcpStream for TcpStream {
+    #[cfg(feature = "ssh")] // Images without it have no console by network.
+    async fn serve_ssh(
+        &mut self,
+        port: mobgate::settings::PortId,
+        peer: SocketAddr,
+        logged_in: &dyn Fn(),
+    ) {
+        if let Some(pooled) = self.0.take() {
+            let lobby = &pooled.sockets().lobby;
+            lobby.hand_over(Self::new(pooled), port, peer.ip(), logged_in).await;
+        }
+    }
+
     async fn close(mut self) {
         if let Some(mut pooled) = self.0.take() {
             end(pooled.get()).await;

@@ -57,12 +57,8 @@ impl Drop for Stay<'_> {
 
 impl Lobby {
     pub(crate) const fn new() -> Self {
-        const SEAT: Seat = Seat {
-            guest: Signal::new(),
-            number: Cell::new(0),
-            event: Signal::new(),
-            leave: Signal::new(),
-        };
+        const SEAT: Seat =
+            Seat { guest: Signal::new(), number: Cell::new(0), event: Signal::new(), leave: Signal::new() };
         Self { free: Channel::new(), seats: [SEAT; _] }
     }
 

@@ -121,12 +121,7 @@ impl TcpStream {
 
 impl hal::TcpStream for TcpStream {
     #[cfg(feature = "ssh")] // Images without it have no console by network.
-    async fn serve_ssh(
-        &mut self,
-        port: mobgate::settings::PortId,
-        peer: SocketAddr,
-        logged_in: &dyn Fn(),
-    ) {
+    async fn serve_ssh(&mut self, port: mobgate::settings::PortId, peer: SocketAddr, logged_in: &dyn Fn()) {
         if let Some(pooled) = self.0.take() {
             let lobby = &pooled.sockets().lobby;
             lobby.hand_over(Self::new(pooled), port, peer.ip(), logged_in).await;

@@ -21,7 +21,7 @@ use static_cell::StaticCell;
 use crate::faults;
 use crate::flash::FileFlash;
 use crate::lines::CONSOLE;
-use crate::semihosting::CommandLine;
+use crate::semihosting::{self, CommandLine};
 use crate::uart::{DIVISOR_MIN, Line};
 
 /// Settings while none are saved: each line has its own range of units.
@@ -34,6 +34,9 @@ route P502 1-64    * * P1
 route P502 65-128  * * P2
 route P502 129-247 * * P3
 ";
+
+/// The emulator has no boot loader.
+pub(crate) const NO_UPDATE: NoUpdate = NoUpdate("QEMU starts the image that it is given");
 
 /// Storage of the settings.
 pub(crate) type Store = SharedStore<'static, NoopRawMutex, FileFlash>;
@@ -89,20 +92,25 @@ impl System for Board {
         Some(write!(out, "the last run ended: {words}"))
     }
 
+    /// The host's.
+    fn random(&self, into: &mut [u8]) -> bool {
+        semihosting::random(into).is_ok()
+    }
+
     fn reboot(&self) {
         SCB::sys_reset();
     }
 }
 
 /// Serves the terminal on UART 0, and saves the settings when an EtherCAT MainDevice requests it; never returns.
-pub(crate) async fn console(gateway: &Gateway<'_>, mut store: Store, board: Board) {
+pub(crate) async fn console(gateway: &Gateway<'_>, mut store: Store, board: &Board) {
     let mut line = Line::open(CONSOLE, DIVISOR_MIN);
     let mut kept = store.another();
-    let mut update = NoUpdate("QEMU starts the image that it is given");
+    let mut update = NO_UPDATE;
     let sessions = async {
         loop {
             // After `exit` a new session begins: there is no shell to return to.
-            let Ok(_) = console::run(gateway, &mut line, &mut store, &mut update, &board, Mode::Echo).await;
+            let Ok(_) = console::run(gateway, &mut line, &mut store, &mut update, board, Mode::Echo).await;
         }
     };
     join(gateway.keep_settings(&mut kept), sessions).await;

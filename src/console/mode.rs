@@ -62,6 +62,13 @@ impl<'u> Mode<'u> {
         }
     }
 
+    /// Whether what follows a line may be a file, up to the end of input.
+    // Others than SSH have no way to send one.
+    #[cfg_attr(not(feature = "ssh"), allow(dead_code))]
+    pub(super) fn pipes(self) -> bool {
+        matches!(self, Self::User { edits: false, .. })
+    }
+
     /// Whether the session edits lines.
     pub(super) fn edits(self) -> bool {
         matches!(self, Self::Echo | Self::Foreground | Self::User { edits: true, .. })

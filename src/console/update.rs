@@ -1,5 +1,8 @@
-//! `update`: takes a new image from the terminal, by YMODEM.
+//! `update`: takes a new image from the terminal, by YMODEM, or by SSH as a file that is piped in.
 
+// Others have no way to send one.
+#[cfg(feature = "ssh")]
+mod piped;
 mod ymodem;
 
 use core::fmt;
@@ -7,6 +10,8 @@ use core::fmt;
 use embassy_time::{Duration, Timer, with_timeout};
 use embedded_io_async::{Read, Write};
 
+#[cfg(feature = "ssh")] // As above.
+pub(super) use self::piped::piped;
 use self::ymodem::{CANCEL, Came, Receiver, Stopped};
 use super::session::Session;
 use super::wait::Wait;

@@ -26,6 +26,8 @@ const FAILURE: u8 = 100;
 
 const UNKNOWN_CHANNEL_TYPE: u32 = 3;
 const RESOURCE_SHORTAGE: u32 = 4;
+/// The command that takes a file, which the client sends behind it. Others have no input.
+const TAKES_A_FILE: &[u8] = b"update";
 /// The number of the only channel.
 const OWN_NUMBER: u32 = 0;
 
@@ -56,6 +58,8 @@ pub(crate) struct Channel {
     terminal: Option<String<24>>,
     kind: Option<Kind>,
     closed: bool,
+    /// The board takes new firmware.
+    has_updates: bool,
 }
 
 /// The size of a terminal as xterm reports it; empty if the client does not know it (RFC 4254, 6.2).
@@ -70,8 +74,9 @@ fn size_report(fields: &mut Reader<'_>) -> Result<String<24>, Error> {
 }
 
 impl Channel {
-    pub(crate) const fn new() -> Self {
+    pub(crate) const fn new(has_updates: bool) -> Self {
         Self {
+            has_updates,
             theirs: None,
             window: 0,
             longest: 0,
@@ -189,7 +194,9 @@ impl Channel {
         let done = terminal.type_in(lines) && terminal.type_in(b"\n");
         if done {
             self.kind = Some(Kind::Line);
-            terminal.end();
+            if !self.has_updates || lines.trim_ascii() != TAKES_A_FILE {
+                terminal.end();
+            }
             if self.terminal.is_some() {
                 terminal.make_raw();
             }

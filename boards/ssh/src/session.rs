@@ -66,7 +66,7 @@ pub async fn serve<S: Read + Write, St: Store, U: Update, Y: System>(
     let host_key = Keypair::from(seed);
     let random = |bytes: &mut [u8]| system.random(bytes);
     let mut link = Link::new(stream, Secrets { host_key: &host_key, random: &random });
-    let (terminal, mut channel) = (Terminal::new(), Channel::new());
+    let (terminal, mut channel) = (Terminal::new(), Channel::new(U::EXISTS));
     let judge = Judge { gateway, system, peer: visit.peer, passwords };
     let begun = with_timeout(LOG_IN_MAX, async {
         link.begin().await?;

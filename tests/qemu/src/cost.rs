@@ -7,12 +7,15 @@ use std::time::Duration;
 
 use crate::figure::{Target, figure};
 use crate::passing::Passing;
-use crate::{Bus, Console, Figures, Machine, Options, image};
+use crate::{Bus, Console, Figures, Image, Machine, Options, image};
 
 /// The counts and sizes that hold as good; more is a fault that a change of this file must own up to.
 const BUDGETS: &str = include_str!("../budgets");
 /// Room that a count has above its budget.
 const GROWTH: f64 = 1.05;
+/// Sessions by SSH that the board has, and sockets.
+const SSH_SESSIONS: f64 = 8.0;
+const SOCKETS: f64 = 26.0;
 /// Times that each thing is measured.
 const TRIALS: usize = 21;
 /// Time after which nothing happens any more.
@@ -42,6 +45,19 @@ pub fn sizes() {
     let [code, data, bss] = numbers[..3] else { panic!("{text}") };
     figure("qemu_image_flash", code + data, "bytes", Target::AtMost(budget("image_flash")));
     figure("qemu_image_ram", data + bss, "bytes", Target::AtMost(budget("image_ram")));
+}
+
+/// Prints the bytes of a session by SSH: its task, and the buffer of its socket.
+pub fn ssh_session() {
+    let output = Command::new("nm").args(["--demangle", "--print-size"]).arg(Image::Ssh.build()).output();
+    let symbols = String::from_utf8(output.expect("nm, of binutils").stdout).unwrap();
+    let size = |name: &str| {
+        let symbol = symbols.lines().find(|line| line.ends_with(name)).unwrap_or_else(|| panic!("no {name}"));
+        let size = symbol.split(' ').nth(1).and_then(|size| u32::from_str_radix(size, 16).ok());
+        f64::from(size.expect("a size"))
+    };
+    let bytes = size("::ssh::session::POOL") / SSH_SESSIONS + size("::network::start::BUFFERS") / SOCKETS;
+    figure("qemu_ssh_session_ram", bytes, "bytes", Target::AtMost(budget("ssh_session")));
 }
 
 /// Prints the instructions of a transaction and of a byte that is passed on; gives those of a transaction.

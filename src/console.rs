@@ -99,16 +99,10 @@ pub async fn run<IO: Read + Write, S: Store, U: Update, Y: System>(
         stream.write_all(shell.session.out.text.as_bytes()).await?;
         shell.session.out.clear();
         if let Wait::Update { allow_older } = wait {
-            #[cfg(feature = "ssh")] // Others have no way to pipe in a file.
-            let received = match chunk.get(keys.clone()).filter(|_| U::EXISTS && mode.pipes()) {
-                Some(ahead) => update::piped(&mut stream, update, allow_older, ahead).await?,
-                None => update::receive(&mut stream, update, allow_older).await?,
-            };
-            #[cfg(not(feature = "ssh"))] // As above.
-            let received = update::receive(&mut stream, update, allow_older).await?;
+            let ahead = mode.piped(&chunk, &keys);
+            wait = shell.updated(update::receive(&mut stream, update, allow_older, ahead).await?);
             // What was typed ahead may be of the transfer.
             keys = if U::EXISTS { 0..0 } else { keys };
-            wait = shell.updated(received);
             continue;
         }
         let is_idle = matches!(wait, Wait::Key);

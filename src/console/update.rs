@@ -10,8 +10,6 @@ use core::fmt;
 use embassy_time::{Duration, Timer, with_timeout};
 use embedded_io_async::{Read, Write};
 
-#[cfg(feature = "ssh")] // As above.
-pub(super) use self::piped::piped;
 use self::ymodem::{CANCEL, Came, Receiver, Stopped};
 use super::session::Session;
 use super::wait::Wait;
@@ -42,16 +40,23 @@ impl fmt::Display for Failed {
     }
 }
 
-/// Receives a file from `stream` into `update`.
+/// Receives a file from `stream` into `update`; one that is piped in begins with what was read `ahead`.
 pub(super) async fn receive<IO, U>(
     stream: &mut IO,
     update: &mut U,
     allow_older: bool,
+    #[cfg_attr(not(feature = "ssh"), allow(unused_variables))] // As above.
+    ahead: Option<&[u8]>,
 ) -> Result<Result<Version, Failed>, IO::Error>
 where
     IO: Read + Write,
     U: Update,
 {
+    #[cfg(feature = "ssh")] // As above.
+    if let Some(ahead) = ahead.filter(|_| U::EXISTS) {
+        let received = piped::receive(stream, update, allow_older, ahead).await?;
+        return Ok(received.map_err(|why| why.map_or(Failed::Stopped(Stopped::Silent), Failed::Refused)));
+    }
     // Nobody need send what is not taken anyway; and from here on nobody else begins.
     let begun = update.begin(None, allow_older).await;
     if !U::EXISTS || begun.is_err() {

@@ -12,13 +12,15 @@ pub mod address;
 mod backlog;
 mod closing;
 mod connector;
+// Images without it have no console by network; also below.
+#[cfg(feature = "ssh")]
+mod lobby;
 pub mod mdns;
 // Images without server names need no resolver.
 #[cfg_attr(not(feature = "servers"), path = "no_names.rs")]
 mod names;
 mod pool;
 mod queued;
-// Images without it have no console by network.
 #[cfg(feature = "ssh")]
 mod ssh;
 mod syn;
@@ -27,10 +29,10 @@ mod udp;
 
 pub use backlog::Backlog;
 pub use connector::Connector;
+#[cfg(feature = "ssh")]
+pub use lobby::SSH_SESSIONS_MAX;
 pub use pool::Sockets;
 pub use queued::{Queued, Received};
-#[cfg(feature = "ssh")] // As above.
-pub use ssh::SSH_SESSIONS_MAX;
 pub use tcp::{TcpSockets, TcpStream};
 pub use udp::{Datagram, Datagrams};
 

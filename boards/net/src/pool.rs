@@ -15,7 +15,7 @@ use crate::SOCKETS_MAX;
 use crate::backlog::Backlog;
 use crate::closing::end;
 #[cfg(feature = "ssh")] // Images without it have no console by network; also below.
-use crate::ssh::Lobby;
+use crate::lobby::Lobby;
 
 /// The sockets that a board can have open at a time.
 ///
@@ -32,7 +32,7 @@ pub struct Sockets {
     dropped: RefCell<[Option<TcpSocket<'static>>; SOCKETS_MAX]>,
     news: Signal<NoopRawMutex, ()>,
     #[cfg(feature = "ssh")]
-    pub(crate) lobby: Lobby,
+    pub(crate) lobby: Lobby<PooledTcp>,
 }
 
 impl Sockets {

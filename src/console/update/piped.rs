@@ -3,8 +3,6 @@
 use embassy_time::{Duration, with_timeout};
 use embedded_io_async::Read;
 
-use super::Failed;
-use super::ymodem::Stopped;
 use crate::hal::{Update, UpdateError, Version};
 
 /// Bytes taken from the stream at a time.
@@ -14,31 +12,29 @@ const SILENCE_MAX: Duration = Duration::from_secs(60);
 /// Pieces of a refused file that are dropped, at most: those of the longest image.
 const DROPPED_MAX: usize = 1 << 16;
 
-/// Takes all that comes up to the input's end, first what was read `ahead`, into `update`.
-pub(in crate::console) async fn piped<IO: Read, U: Update>(
+/// Takes all that comes up to the input's end, first what was read `ahead`, into `update`. Or returns why not; nothing if the rest does
+/// not come.
+pub(super) async fn receive<IO: Read, U: Update>(
     stream: &mut IO,
     update: &mut U,
     allow_older: bool,
     ahead: &[u8],
-) -> Result<Result<Version, Failed>, IO::Error> {
+) -> Result<Result<Version, Option<UpdateError>>, IO::Error> {
     let mut chunk = [0; CHUNK_BYTES_MAX];
     let mut done = update.begin(None, allow_older).await;
     if done.is_ok() {
         done = update.write(ahead).await;
     }
-    let mut stopped = None;
-    while done.is_ok() {
+    let mut comes = true;
+    while comes && done.is_ok() {
         match with_timeout(SILENCE_MAX, stream.read(&mut chunk)).await {
             Ok(Ok(0)) => {
                 let finished = update.finish().await;
                 update.discard();
-                return Ok(finished.map_err(Failed::Refused));
+                return Ok(finished.map_err(Some));
             }
             Ok(read) => done = update.write(chunk.get(..read?).unwrap_or_default()).await,
-            Err(_) => {
-                stopped = Some(Failed::Stopped(Stopped::Silent));
-                break;
-            }
+            Err(_) => comes = false,
         }
     }
     update.discard();
@@ -49,5 +45,5 @@ pub(in crate::console) async fn piped<IO: Read, U: Update>(
             break;
         }
     }
-    Ok(Err(stopped.unwrap_or(Failed::Refused(done.err().unwrap_or(UpdateError::Failed)))))
+    Ok(Err(done.err()))
 }

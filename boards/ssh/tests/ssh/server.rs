@@ -14,12 +14,13 @@ use embassy_futures::block_on;
 use embassy_futures::join::join_array;
 use mobgate::frame::{FramePool, Slot};
 use mobgate::gateway::{Gateway, Ports, reconfigure};
-use mobgate::hal::{NoUpdate, System, TcpHost, TcpStream};
+use mobgate::hal::{System, TcpHost, TcpStream};
 use mobgate::language::Loader;
 use mobgate::settings::{PortId, TcpListen};
 use mobgate_linux::tcp::TcpSockets;
 use mobgate_linux::{passwords, reactor};
 use mobgate_simulator::console::Medium;
+use mobgate_simulator::firmware::Firmware;
 use mobgate_ssh::{Board, SEED_BYTES, Visit, serve};
 use rustix::rand::{GetRandomFlags, getrandom};
 
@@ -89,7 +90,7 @@ async fn serve_all(server: &Server, mut sockets: TcpSockets, passwords: bool) {
     loop {
         let (mut stream, peer) = sockets.accept(&listen).await.unwrap();
         let visit = Visit { peer: peer.ip(), port: PortId(0) };
-        let (store, update) = (Medium::default(), NoUpdate("not here"));
+        let (store, update) = (Medium::default(), Firmware::default());
         let board = Board { seed: &SEED, system: &Host, passwords, store, update };
         let logged_in = || _ = server.logged_in.fetch_add(1, Ordering::Relaxed);
         // How it ended is what the client sees.

@@ -2,9 +2,6 @@
 //!
 //! No client library sends packets that make no sense, so there is one in `raw`, with the least that it takes to reach each stage.
 
-use std::io;
-use std::time::{Duration, Instant};
-
 use mobgate_linux::capture::epoch_us;
 use mobgate_simulator::random::{Random, chosen};
 
@@ -16,36 +13,6 @@ mod common;
 mod payload;
 #[path = "ssh/raw.rs"]
 mod raw;
-
-/// Random packets of each stage.
-const PACKETS: usize = 10_000;
-/// Time for those of a stage. A busy machine sends fewer.
-const TIME: Duration = Duration::from_secs(4);
-/// Sends random packets at `stage` until there were enough or the time is over; returns their number and that of connections.
-fn send(program: &Program, random: &mut Random, stage: Stage, peer: u8) -> (usize, usize) {
-    let (mut sent, mut connections, start) = (0, 0, Instant::now());
-    while sent < PACKETS && start.elapsed() < TIME {
-        connections += 1;
-        // A pause after failures to log in is for this address alone.
-        let Ok(mut client) = Client::connect(program.port, peer).and_then(|client| client.reach(stage))
-        else {
-            continue;
-        };
-        for _ in 0..=random.index(40) {
-            let done: io::Result<()> = if stage == Stage::Begin {
-                let bytes: Vec<u8> = (0..random.index(300)).map(|_| random.byte()).collect();
-                client.send_bytes(&bytes)
-            } else {
-                client.send(&payload::random(random, stage, client.channel))
-            };
-            sent += 1;
-            if done.is_err() || sent >= PACKETS || start.elapsed() > TIME {
-                break;
-            }
-        }
-    }
-    (sent, connections)
-}
 
 #[test]
 fn random_packets_at_each_stage_of_ssh_do_no_harm() {
@@ -64,7 +31,9 @@ fn random_packets_at_each_stage_of_ssh_do_no_harm() {
     let descriptors = program.descriptors();
     let stages = [Stage::Begin, Stage::Exchange, Stage::Keys, Stage::Service, Stage::LogIn, Stage::Session];
     for (nth, stage) in stages.into_iter().enumerate() {
-        let (sent, connections) = send(&program, &mut random, stage, 10 + nth as u8);
+        // A pause after failures to log in is for this address alone.
+        let (sent, connections) =
+            payload::send(&mut random, stage, || Client::connect(program.port, 10 + nth as u8));
         println!("{stage:?}: {sent} packets by {connections} connections");
         assert!(good().contains("mobgate 0."), "MOBGATE_SEED={seed}, after {stage:?}\n{}", program.log());
         assert!(!program.log().contains("panicked"), "MOBGATE_SEED={seed}, {stage:?}\n{}", program.log());

@@ -119,8 +119,6 @@ pub(crate) fn host_time() -> usize {
 }
 
 /// Random numbers of the host: an emulated board has none of its own.
-// Without SSH nobody needs them; also in `board`.
-#[cfg_attr(not(feature = "ssh"), allow(dead_code))]
 pub(crate) fn random(into: &mut [u8]) -> Result<(), HostError> {
     let source = File::open_as("/dev/urandom", "", nr::open::R_BINARY)?;
     // SAFETY: as in `open_as`. Both calls return 0 on success.

@@ -1,8 +1,16 @@
-//! Random payloads of packets.
+//! Random packets.
+
+use std::io;
+use std::time::{Duration, Instant};
 
 use mobgate_simulator::random::Random;
 
-use super::raw::{Stage, put};
+use super::raw::{Client, Stage, put};
+
+/// Random packets of each stage.
+const PACKETS: usize = 10_000;
+/// Time for those of a stage. A busy machine sends fewer.
+const TIME: Duration = Duration::from_secs(4);
 
 /// Names and numbers that mean something, among others.
 const NAMES: [&str; 24] = [
@@ -37,7 +45,7 @@ const KINDS: [u8; 30] = [
 ];
 
 /// A packet's payload that may make sense up to some place.
-pub(crate) fn random(random: &mut Random, stage: Stage, channel: u32) -> Vec<u8> {
+fn payload(random: &mut Random, stage: Stage, channel: u32) -> Vec<u8> {
     let kind = match random.index(4) {
         0 => random.byte(),
         _ if stage == Stage::LogIn => 50,
@@ -62,4 +70,30 @@ pub(crate) fn random(random: &mut Random, stage: Stage, channel: u32) -> Vec<u8>
         }
     }
     payload
+}
+
+/// Sends random packets at `stage` until there were enough or the time is over; returns their number and that of connections.
+pub(crate) fn send(
+    random: &mut Random,
+    stage: Stage,
+    mut connect: impl FnMut() -> io::Result<Client>,
+) -> (usize, usize) {
+    let (mut sent, mut connections, start) = (0, 0, Instant::now());
+    while sent < PACKETS && start.elapsed() < TIME {
+        connections += 1;
+        let Ok(mut client) = connect().and_then(|client| client.reach(stage)) else { continue };
+        for _ in 0..=random.index(40) {
+            let done = if stage == Stage::Begin {
+                let bytes: Vec<u8> = (0..random.index(300)).map(|_| random.byte()).collect();
+                client.send_bytes(&bytes)
+            } else {
+                client.send(&payload(random, stage, client.channel))
+            };
+            sent += 1;
+            if done.is_err() || sent >= PACKETS || start.elapsed() > TIME {
+                break;
+            }
+        }
+    }
+    (sent, connections)
 }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::{ChildStdout, Command, Output, Stdio};
 use std::sync::Barrier;
 use std::thread;
-use std::time::{Duration, Instant, SystemTime};
+use std::time::SystemTime;
 
 use mobgate_qemu::{Image, Machine, Options, wait_for};
 use mobgate_simulator::random::{Random, chosen};
@@ -18,10 +18,6 @@ use crate::raw::{Client, KEY, Stage};
 const NO_SESSION: i32 = 255;
 /// Sessions at a time.
 const SESSIONS: usize = 8;
-/// Random packets of each stage, and the time for them. A busy machine sends fewer.
-const PACKETS: usize = 10_000;
-const TIME: Duration = Duration::from_secs(4);
-
 /// The board with an SSH server, and what its users have.
 struct Bench {
     // Ended before its folder goes.
@@ -197,29 +193,6 @@ fn eight_sessions_run_at_once() {
     });
 }
 
-/// Sends random packets at `stage` until there were enough or the time is over; returns their number and that of connections.
-fn send(port: u16, random: &mut Random, stage: Stage) -> (usize, usize) {
-    let (mut sent, mut connections, start) = (0, 0, Instant::now());
-    while sent < PACKETS && start.elapsed() < TIME {
-        connections += 1;
-        let client = Client::connect(port, 1).and_then(|client| client.with_key().reach(stage));
-        let Ok(mut client) = client else { continue };
-        for _ in 0..=random.index(40) {
-            let done = if stage == Stage::Begin {
-                let bytes: Vec<u8> = (0..random.index(300)).map(|_| random.byte()).collect();
-                client.send_bytes(&bytes)
-            } else {
-                client.send(&payload::random(random, stage, client.channel))
-            };
-            sent += 1;
-            if done.is_err() || sent >= PACKETS || start.elapsed() > TIME {
-                break;
-            }
-        }
-    }
-    (sent, connections)
-}
-
 #[test]
 fn random_packets_at_each_stage_do_no_harm() {
     let now = || SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap().as_micros() as u64;
@@ -241,7 +214,8 @@ fn random_packets_at_each_stage_do_no_harm() {
     good("the start");
     let free = bench.machine.figures().sockets_free();
     for stage in [Stage::Begin, Stage::Exchange, Stage::Keys, Stage::Service, Stage::Session, Stage::LogIn] {
-        let (sent, connections) = send(bench.machine.ssh_port(), &mut random, stage);
+        let connect = || Client::connect(bench.machine.ssh_port(), 1).map(Client::with_key);
+        let (sent, connections) = payload::send(&mut random, stage, connect);
         println!("{stage:?}: {sent} packets by {connections} connections");
         good(&format!("{stage:?}"));
     }

@@ -1,7 +1,6 @@
 //! Random packets at each stage of a connection.
 
-use std::time::SystemTime;
-
+use mobgate_linux::capture::epoch_us;
 use mobgate_simulator::random::{Random, chosen};
 
 use crate::payload;
@@ -10,8 +9,7 @@ use crate::server::{Server, wait_for};
 
 #[test]
 fn random_packets_at_each_stage_do_no_harm() {
-    let now = || SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap().as_micros() as u64;
-    let seed = chosen("MOBGATE_SEED").unwrap_or_else(now);
+    let seed = chosen("MOBGATE_SEED").unwrap_or_else(epoch_us);
     println!("random packets: MOBGATE_SEED={seed}");
     let mut random = Random::new(seed);
     let server = Server::start(true);

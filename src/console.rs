@@ -10,20 +10,29 @@
 // Only the web interface uses it.
 #[cfg(feature = "web")]
 pub(crate) mod access;
+// As above.
+#[cfg(feature = "web")]
+mod alone;
 mod ask;
 mod asks;
-// Without users there is no audit trail.
-#[cfg(feature = "users")]
+// As the feature.
+#[cfg(feature = "audit")]
 mod audit;
 // Replaced by a stub in images without a candidate.
 #[cfg_attr(not(feature = "candidate"), path = "console/no_candidate.rs")]
 mod candidate;
+// Images without TLS have none.
+#[cfg(feature = "tls")]
+mod certificates;
 mod command;
 mod complete;
 // Without a candidate there is nothing to compare.
 #[cfg(feature = "candidate")]
 pub(crate) mod diff;
 mod editor;
+// It came with the web interface, and boards without that have no room for it.
+#[cfg(feature = "web")]
+mod explain;
 mod frames;
 mod guard;
 mod help;
@@ -56,13 +65,13 @@ mod tests;
 mod tune;
 mod update;
 mod users;
+mod version;
 mod wait;
 
 use core::future::pending;
 use core::pin::pin;
 
 use embassy_futures::select::{Either, select};
-use embassy_time::Timer;
 use embedded_io_async::{Read, Write};
 
 pub use self::guard::Foreign;
@@ -84,7 +93,7 @@ const STOP_BYTES_MAX: usize = 16;
 /// `update` an unfinished image in `update`: the next session needs other instances.
 pub async fn run<IO: Read + Write, S: Store, U: Update, Y: System>(
     gateway: &Gateway<'_>,
-    mut stream: IO,
+    stream: &mut IO,
     store: &mut S,
     update: &mut U,
     system: &Y,
@@ -99,10 +108,10 @@ pub async fn run<IO: Read + Write, S: Store, U: Update, Y: System>(
         stream.write_all(shell.session.out.text.as_bytes()).await?;
         shell.session.out.clear();
         if let Wait::Update { allow_older } = wait {
-            let received = update::receive(&mut stream, update, allow_older).await?;
+            let ahead = mode.piped(&chunk, &keys);
+            wait = shell.updated(update::receive(stream, update, allow_older, ahead).await?);
             // What was typed ahead may be of the transfer.
             keys = if U::EXISTS { 0..0 } else { keys };
-            wait = shell.updated(received);
             continue;
         }
         let is_idle = matches!(wait, Wait::Key);
@@ -160,16 +169,8 @@ async fn work<S: Store, Y: System>(
         // `Update` needs the stream.
         Wait::Sent | Wait::Exit | Wait::End | Wait::Update { .. } => {}
         Wait::Key => pending().await,
-        Wait::Pause(time) | Wait::Rest(time) => Timer::after(time).await,
-        Wait::Answer { .. } => {
-            if let Some(turn) = &session.turn {
-                return WaitEvent::Answer(turn.ask(session.unit, &mut session.pdu).await);
-            }
-        }
-        Wait::Open { line, timeout, alone } => {
-            if let Some(turn) = &session.turn {
-                return WaitEvent::Opened(turn.try_on(line, timeout, alone).await);
-            }
+        Wait::Pause(_) | Wait::Rest(_) | Wait::Answer { .. } | Wait::Open { .. } => {
+            return session.wait(wait).await;
         }
         Wait::Change => {
             let ahead = |new: &_| session.ahead(new).inspect(|()| session.audit_line(input.line()));

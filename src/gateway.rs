@@ -17,12 +17,13 @@ use crate::fieldbus::EthercatState;
 use crate::frame::{Channel, Envelope, Frame, FramePool, FrameWriter, Origin, ReplyTo, Stage};
 use crate::modbus::Exception;
 use crate::scanner::{POINTS, ScannerState};
-use crate::settings::{OwnNetwork, PortId, Settings, USERS};
+use crate::settings::{AUDIT, ClientRole, OwnNetwork, PortId, Settings};
 use crate::stats::Log;
 
 mod apply;
 #[doc(hidden)] // Public for boards and tests.
 pub mod audit;
+mod calendar;
 // Replaced by a stub in images without a candidate.
 #[cfg_attr(not(feature = "candidate"), path = "gateway/no_candidate.rs")]
 mod candidate;
@@ -34,8 +35,11 @@ mod connection;
 // As the candidate.
 #[cfg_attr(not(feature = "candidate"), path = "gateway/no_cut_off.rs")]
 pub(crate) mod cut_off;
+// Images without a calendar have no dates.
+#[cfg_attr(not(feature = "audit"), path = "gateway/no_date.rs")]
+pub mod date;
 // Without a candidate and an audit trail nobody asks.
-#[cfg_attr(not(feature = "users"), allow(dead_code))]
+#[cfg_attr(not(feature = "audit"), allow(dead_code))]
 pub(crate) mod difference;
 pub(crate) mod direct_request;
 pub(crate) mod enter;
@@ -63,7 +67,9 @@ pub mod unit_health;
 #[cfg(feature = "web")]
 pub(crate) mod web;
 
+use self::audit::AuditMemory;
 use self::audit::state::Audit;
+use self::calendar::state::Calendar;
 pub use self::candidate::Candidate;
 pub use self::check::ApplyError;
 pub use self::connection::{Connection, ConnectionState};
@@ -113,8 +119,10 @@ pub struct Gateway<'g> {
     events: Shared<Events>,
     /// Failed attempts to log in.
     attempts: Shared<Attempts>,
-    /// The audit trail, where there are users.
-    audit: [Audit; USERS as usize],
+    /// The audit trail, its lines, and the time for them.
+    audit: [Audit; AUDIT as usize],
+    audit_memory: Option<&'g AuditMemory>,
+    calendar: [Calendar; AUDIT as usize],
     // As its module.
     #[cfg(feature = "web")]
     pub(crate) web: Web,
@@ -155,7 +163,9 @@ impl<'g> Gateway<'g> {
             direct_request: DirectRequestState::new(),
             events: Mutex::new(RefCell::new(Events::new())),
             attempts: Mutex::new(RefCell::new(Attempts::new())),
-            audit: [const { Audit::new() }; USERS as usize],
+            audit: [const { Audit::new() }; AUDIT as usize],
+            audit_memory: None,
+            calendar: [const { Calendar::new() }; AUDIT as usize],
             // As above.
             #[cfg(feature = "web")]
             web: Web::new(),
@@ -224,8 +234,8 @@ impl<'g> Gateway<'g> {
     }
 
     /// Waits until multicast DNS may have something new to announce: another name or other servers; one task may wait.
-    pub async fn new_mdns(&self) {
-        self.mdns_changed.wait().await;
+    pub fn new_mdns(&self) -> impl Future<Output = ()> {
+        self.mdns_changed.wait()
     }
 
     /// The frames.
@@ -322,6 +332,16 @@ impl<'g> Gateway<'g> {
     /// The same, filled with a complete PDU.
     pub(crate) fn fill_for_port(&self, id: PortId, pdu: &[u8], envelope: Envelope) -> Option<Frame<'g>> {
         self.pool.fill(self.connections.len() + id.index(), pdu, envelope)
+    }
+
+    /// The role of the client that `origin` names; none once another client has its connection.
+    pub(crate) fn client_role(&self, origin: Origin) -> ClientRole {
+        let ReplyTo::Connection(connection) = origin.reply_to else { return ClientRole::NONE };
+        let role = |client: &mut ConnectionState| {
+            Some(client.role).filter(|_| client.generation == origin.generation)
+        };
+        let connection = self.connections.get(usize::from(connection));
+        connection.and_then(|connection| connection.update(role)).unwrap_or(ClientRole::NONE)
     }
 
     /// Whether the requester at `origin` is gone.

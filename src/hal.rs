@@ -4,17 +4,20 @@
 //! Everything is polled from one executor, so no trait requires `Send`.
 
 use core::fmt;
-use core::net::{IpAddr, SocketAddr};
 
 use embassy_time::{Duration, Instant};
 use embedded_io_async::{Read, Write};
 
-use crate::settings::{LineSettings, PasswordHash, PortId, ServerAddress, StaticAddress, TcpListen};
+use crate::settings::{Certificate, LineSettings, PasswordHash, StaticAddress};
 
+mod network;
 mod relay;
+mod syslog;
 mod update;
 
+pub use self::network::{SocketLost, TcpConnect, TcpHost, TcpStream, UdpHost, UdpSocket};
 pub use self::relay::Relay;
+pub use self::syslog::{SyslogHost, SyslogLink};
 pub use self::update::{FirmwareState, NoUpdate, SharedUpdate, Update, UpdateError, Version};
 
 /// Why something could not be opened, with a hint for the user.
@@ -173,75 +176,6 @@ pub struct Flaws {
     pub overruns: u32,
 }
 
-/// Accepts TCP connections, one at a time; every connection task owns one.
-///
-/// Several hosts may accept at the same address: they share the listening socket.
-pub trait TcpHost {
-    /// An accepted connection, with Nagle off, keepalive and user time-out set.
-    type Stream<'a>: TcpStream
-    where
-        Self: 'a;
-
-    /// Opens the listening socket at `listen`, if the board has such sockets, so that errors appear before the first client
-    /// connects.
-    fn listen(&mut self, listen: &TcpListen) -> Result<(), OpenError>;
-
-    /// An address outside private networks at which a server at `listen` is reached, on systems that know.
-    fn public_address(&self, _listen: &TcpListen) -> Option<IpAddr> {
-        None
-    }
-
-    /// Waits for the next connection at `listen` and returns it with the peer's address. Dropping the pending future loses no
-    /// connection.
-    async fn accept(&mut self, listen: &TcpListen) -> Result<(Self::Stream<'_>, SocketAddr), OpenError>;
-}
-
-/// Makes TCP connections to outside servers, several at a time; every port task has one.
-pub trait TcpConnect {
-    /// A connection, with Nagle off, keepalive and user time-out set.
-    type Stream<'a>: TcpStream
-    where
-        Self: 'a;
-
-    /// Connects to `server`, resolving its name if it has one; [`OpenErrorKind::Exhausted`] when all sockets of the board are in
-    /// use. The caller limits the time by dropping the pending future.
-    async fn connect(&self, server: &ServerAddress) -> Result<Self::Stream<'_>, OpenError>;
-}
-
-/// A TCP connection. `read` returns `Ok(0)` after the peer's FIN; dropping a pending `read` loses no byte.
-pub trait TcpStream: Read + Write {
-    /// Closes the connection gracefully, within a bounded time.
-    async fn close(self);
-
-    /// Serves the console by SSH, at a port of the settings, until the connection ends, and calls `logged_in` once somebody has logged
-    /// in. Dropping the future ends the connection. Boards without SSH end it at once.
-    async fn serve_ssh(&mut self, _port: PortId, _peer: SocketAddr, _logged_in: &dyn Fn()) {}
-}
-
-/// Opens UDP sockets; every port task owns one.
-pub trait UdpHost {
-    /// An open socket.
-    type Socket<'a>: UdpSocket
-    where
-        Self: 'a;
-
-    /// Opens a socket at `listen`'s address and UDP port.
-    async fn bind(&mut self, listen: &TcpListen) -> Result<Self::Socket<'_>, OpenError>;
-}
-
-/// A UDP socket. Datagrams may be lost, duplicated or reordered; dropping a pending `receive` loses none.
-pub trait UdpSocket {
-    /// Waits for a datagram, and returns its length and sender. A longer one than `into` is truncated.
-    async fn receive(&mut self, into: &mut [u8]) -> Result<(usize, SocketAddr), SocketLost>;
-
-    /// Sends a datagram. An absent receiver is not an error.
-    async fn send(&mut self, datagram: &[u8], to: SocketAddr) -> Result<(), SocketLost>;
-}
-
-/// The socket has failed and must be reopened.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct SocketLost;
-
 /// Storage for the text of the settings. Replaced as a whole: after a power cut it has either the old or the new text.
 pub trait Store {
     /// Reads up to `into.len()` bytes of the saved text from `offset`; 0 at its end or when nothing is saved.
@@ -331,6 +265,16 @@ pub trait System {
 
     /// Writes the date and time of `at`; `None` on boards without a calendar.
     fn write_date(&self, _at: Instant, _out: &mut dyn fmt::Write) -> Option<fmt::Result> {
+        None
+    }
+
+    /// Writes what `certificate` is: whose it is, its issuer, until when it is valid, and what is wrong with it, with tabs between.
+    /// `None` on boards without TLS.
+    fn write_certificate(
+        &self,
+        _certificate: &Certificate,
+        _out: &mut dyn fmt::Write,
+    ) -> Option<fmt::Result> {
         None
     }
 

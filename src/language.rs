@@ -4,6 +4,9 @@
 //! settings.
 
 mod apply;
+// Images without TLS have no certificates.
+#[cfg(feature = "tls")]
+mod certificates;
 mod changed;
 mod changes;
 mod ethercat;
@@ -12,6 +15,9 @@ mod line;
 pub(crate) mod listed;
 mod loader;
 mod mdns;
+// Images without an audit trail ask nobody for the time.
+#[cfg(feature = "audit")]
+mod ntp;
 mod option;
 mod own_network;
 mod point_checks;
@@ -20,6 +26,7 @@ mod point_words;
 mod points;
 mod port_fields;
 mod port_keys;
+mod port_keywords;
 mod port_kinds;
 mod port_limits;
 mod port_values;
@@ -34,6 +41,7 @@ mod slaves;
 mod syslog;
 mod users;
 mod values;
+mod verb_help;
 mod verbs;
 mod words;
 
@@ -51,6 +59,8 @@ pub use self::print::write_line;
 pub(crate) use self::print::{Shown, write_shown_line};
 pub(crate) use self::problem::Problem;
 pub use self::problem::{LineError, WORD_BYTES_MAX, Warning};
+#[cfg(feature = "web")] // As above.
+pub(crate) use self::route_words::client_role;
 pub(crate) use self::route_words::units as parse_units;
 pub(crate) use self::users::{WithoutSecrets, user_name};
 pub(crate) use self::values::{medium, number, parse_number, small, time};

@@ -11,8 +11,8 @@ use core::net::IpAddr;
 
 use crate::modbus::{Exception, pdu};
 use crate::settings::{
-    AddressRange, Destination, Policy, PortId, PortKind, Priority, Route, Rules, Settings, Sharing, Side,
-    Special,
+    AddressRange, ClientRole, Destination, Policy, PortId, PortKind, Priority, Route, Rules, Settings,
+    Sharing, Side, Special, TLS,
 };
 
 /// Whether `route` is only a return path for responses: it leads to a port that only sends requests, or starts at one that only
@@ -57,12 +57,34 @@ pub enum Decision {
     NoRule,
 }
 
+/// Who sends a request, as far as rules look at it.
+#[derive(Clone, Copy)]
+pub struct Client<'c> {
+    /// The address; `None` on serial ports.
+    pub peer: Option<IpAddr>,
+    /// Finds out the role, which only rules with a role need.
+    pub role: &'c dyn Fn() -> ClientRole,
+}
+
+impl Client<'_> {
+    /// A client at `peer` without a role.
+    pub const fn at(peer: Option<IpAddr>) -> Self {
+        Self { peer, role: &|| ClientRole::NONE }
+    }
+
+    /// Whether `route` is for this client.
+    fn takes(&self, route: &Route) -> bool {
+        route.is_for(self.peer) && route.is_for_role(self.role)
+    }
+}
+
 /// Whether any rule routes requests from `source` for `unit`, regardless of the decision; on a serial line, whether the unit
 /// belongs to the gateway.
 pub fn is_routed(settings: &Settings, source: PortId, unit: u8) -> bool {
+    let is_routed = |unit| rule(settings, source, unit, Client::at(None)).is_some();
     match meaning(settings, source, unit) {
-        Special::Rules => rule(settings, source, unit, None).is_some(),
-        Special::Replace(unit) => rule(settings, source, unit, None).is_some(),
+        Special::Rules => is_routed(unit),
+        Special::Replace(unit) => is_routed(unit),
         Special::Local | Special::AllLines => true,
         Special::Off => false,
     }
@@ -74,19 +96,43 @@ pub(crate) fn meaning(settings: &Settings, source: PortId, unit: u8) -> Special 
 }
 
 /// The first rule that matches. Return paths are skipped, as they would hide the rules after them.
-fn rule(settings: &Settings, source: PortId, unit: u8, peer: Option<IpAddr>) -> Option<&Route> {
-    let mut matching = settings.routes.iter().filter(|route| route.matches(source, unit, peer));
-    matching.find(|route| !is_implied(settings, route))
+fn rule<'s>(settings: &'s Settings, source: PortId, unit: u8, client: Client<'_>) -> Option<&'s Route> {
+    settings.routes.get(first(settings, source, unit, client)?)
+}
+
+/// The index of that rule.
+fn first(settings: &Settings, source: PortId, unit: u8, client: Client<'_>) -> Option<usize> {
+    let is_it =
+        |route: &Route| is_met(settings, route, source, unit, client) && route.is_for_role(client.role);
+    settings.routes.iter().position(is_it)
+}
+
+/// Whether the rule matches a client of the right role.
+fn is_met(settings: &Settings, route: &Route, source: PortId, unit: u8, client: Client<'_>) -> bool {
+    route.matches(source, unit, client.peer) && !is_implied(settings, route)
+}
+
+/// The decision for a request that no rule matches: a client is refused whose role is the reason (Modbus/TCP Security: exception 01).
+fn unmatched(settings: &Settings, source: PortId, unit: u8, client: Client<'_>) -> Decision {
+    if TLS && settings.routes.iter().any(|route| is_met(settings, route, source, unit, client)) {
+        return Decision::Refuse(Exception::ILLEGAL_FUNCTION);
+    }
+    Decision::NoRule
+}
+
+/// The index of the rule by which [`decide`] decides; `None` if it takes none.
+// Only the web interface and its console command ask for it.
+#[cfg(feature = "web")]
+pub(crate) fn deciding(settings: &Settings, source: PortId, unit: u8, client: Client<'_>) -> Option<usize> {
+    match meaning(settings, source, unit) {
+        Special::Rules => first(settings, source, unit, client),
+        Special::Replace(unit) => first(settings, source, unit, client),
+        Special::Off | Special::Local | Special::AllLines => None,
+    }
 }
 
 /// The decision of the first rule of `settings` that matches.
-pub fn decide(
-    settings: &Settings,
-    source: PortId,
-    unit: u8,
-    peer: Option<IpAddr>,
-    request: &[u8],
-) -> Decision {
+pub fn decide(settings: &Settings, source: PortId, unit: u8, client: Client<'_>, request: &[u8]) -> Decision {
     let unit = match meaning(settings, source, unit) {
         Special::Rules => unit,
         Special::Replace(unit) => unit,
@@ -95,8 +141,8 @@ pub fn decide(
         Special::AllLines if pdu::is_broadcastable(request) => return Decision::AllLines,
         Special::AllLines => return Decision::Refuse(Exception::ILLEGAL_FUNCTION),
     };
-    let Some(route) = rule(settings, source, unit, peer) else {
-        return Decision::NoRule;
+    let Some(route) = rule(settings, source, unit, client) else {
+        return unmatched(settings, source, unit, client);
     };
     let priority = match route.policy.admit(request) {
         Ok(priority) => priority,
@@ -125,25 +171,31 @@ pub fn decide(
     }
 }
 
-/// Whether a broadcast from `source` by `peer` goes out on the serial line `port`, and with which priority: rules must lead there
+/// Whether a broadcast from `source` by `client` goes out on the serial line `port`, and with which priority: rules must lead there
 /// for some unit, and all of them must allow `request`, since it reaches all units.
 pub fn leads_to(
     settings: &Settings,
     source: PortId,
-    peer: Option<IpAddr>,
+    client: Client<'_>,
     request: &[u8],
     port: PortId,
 ) -> Option<Priority> {
     let leads = |(n, route): &(usize, &Route)| {
         route.source == source
-            && route.is_for(peer)
+            && client.takes(route)
             && route.destination == Destination::Port(port)
-            && takers(settings, *n, |above| above.is_for(peer)).is_none()
+            && takers(settings, *n, |above| client.takes(above)).is_none()
     };
     let rules = settings.routes.iter().enumerate().filter(leads);
     let mut ranks = rules.map(|(_, route)| route.policy.admit(request).ok());
     let first = ranks.next().flatten().filter(|_| is_line(settings, port))?;
     ranks.all(|rank| rank.is_some()).then_some(first)
+}
+
+/// Whether `source` has rules for this client in another role.
+pub(crate) fn is_of_wrong_role(settings: &Settings, source: PortId, client: Client<'_>) -> bool {
+    let is_for_others = |route: &Route| route.is_for(client.peer) && !route.is_for_role(client.role);
+    TLS && settings.routes.iter().any(|route| route.source == source && is_for_others(route))
 }
 
 /// The rules above rule `n` that match all its units, for the same peers.

@@ -21,6 +21,7 @@ mod side;
 mod slaves;
 mod syslog;
 mod time;
+mod tls;
 mod users;
 mod whole;
 
@@ -30,6 +31,7 @@ pub(crate) use self::ethercat::INTERFACE_BYTES_MAX;
 pub use self::ethercat::{EthercatSettings, InterfaceName, OnLoss};
 pub use self::functions::Functions;
 pub use self::lane::Lane;
+pub(crate) use self::limits::PATHS;
 pub use self::limits::{
     DEVICE_BYTES_MAX, LINE_BYTES_MAX, NAME_BYTES_MAX, Name, PORTS_MAX, PortId, RESERVED_MAX, ROUTES_MAX,
 };
@@ -59,9 +61,11 @@ pub use self::servers::{
 pub use self::side::Side;
 pub(crate) use self::slaves::POLLING_MS;
 pub use self::slaves::{Cells, OnSilence, SLAVES_MAX, SlaveSettings};
-pub(crate) use self::syslog::Syslogs;
+pub(crate) use self::syslog::{AUDIT, NtpServers, Syslogs};
 pub use self::syslog::{Syslog, Transport};
 pub use self::time::Time;
+pub(crate) use self::tls::{CERTIFICATES_MAX, Certificates, TLS};
+pub use self::tls::{Certificate, ClientRole, FileName, Purpose, TlsSettings};
 pub use self::users::PasswordHash;
 pub(crate) use self::users::{
     PUBLIC_KEY_BYTES, PublicKey, Role, SSH, USER_KEYS_MAX, USERS, USERS_MAX, User, Users,

@@ -11,20 +11,26 @@ mod answer;
 mod api;
 mod calls;
 mod candidate;
+mod commands;
 mod guard;
+mod job;
 mod json;
+// Replaced by a stub in images without the page.
+#[cfg_attr(not(feature = "page"), path = "web/no_page.rs")]
+mod page;
 mod piece;
 mod session;
 mod status;
 mod transport;
 
+use core::cell::Cell;
 use core::future::pending;
 use core::net::SocketAddr;
 
 use embassy_futures::select::{Either, select};
 use embassy_futures::yield_now;
 use embassy_sync::mutex::Mutex;
-use embassy_time::{Duration, Timer, with_timeout};
+use embassy_time::{Duration, Instant, Timer};
 use picoserve::{Config, Router, Server, Timeouts, time};
 
 use self::api::Api;
@@ -37,7 +43,7 @@ use crate::stats::Event;
 
 /// Pause after a failed accept.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(200);
-/// A connection is closed at this age: the longest wait for a device's response, and some time for both ways.
+/// A connection is closed at this age: the longest wait for a device's response, and some time for both ways. Longer work puts it off.
 const AGE_MAX: Duration = Duration::from_secs(140);
 
 /// A request must begin, and must have arrived, within these times; a piece of the response must be taken within the last one.
@@ -50,7 +56,7 @@ const TIMEOUTS: Timeouts = Timeouts {
 /// One request each, so that nobody keeps others from a connection.
 const CONFIG: Config = Config::new(TIMEOUTS).close_connection_after_response();
 
-/// Nobody could use it.
+/// No user can log in yet.
 const OFF: OpenError = OpenError::new(
     OpenErrorKind::Denied,
     "until somebody can log in: user NAME role engineer, password NAME",
@@ -61,7 +67,7 @@ const OFF: OpenError = OpenError::new(
 struct Port {
     id: PortId,
     listen: TcpListen,
-    /// Somebody could log in.
+    /// A user can log in.
     is_on: bool,
 }
 
@@ -112,7 +118,7 @@ pub async fn run<H: TcpHost, S: Store, Y: System>(
             }
         };
         match select(moved, accept(gateway, port_state, &port, host)).await {
-            // The others let go of their listener, too, before another one is opened.
+            // All tasks release the listener before a new one is opened.
             Either::First(()) => yield_now().await,
             Either::Second(Ok((stream, peer))) => {
                 serve(gateway, port.id, stream, peer, (&mut *store, system)).await;
@@ -142,6 +148,13 @@ async fn accept<'h, H: TcpHost>(
     host.accept(&port.listen).await
 }
 
+/// Waits until a time that may be put off.
+async fn until(end: &Cell<Instant>) {
+    while Instant::now() < end.get() {
+        Timer::at(end.get()).await;
+    }
+}
+
 /// Serves the client at `peer`.
 async fn serve<S: Store, Y: System>(
     gateway: &Gateway<'_>,
@@ -156,6 +169,7 @@ async fn serve<S: Store, Y: System>(
     });
     if let Some(cleartext) = cleartext {
         let mut buffer = [0; REQUEST_BYTES_MAX];
+        let end = Cell::new(Instant::now() + AGE_MAX);
         let app = Router::from_service(Api {
             gateway,
             store: Mutex::new(store),
@@ -163,10 +177,11 @@ async fn serve<S: Store, Y: System>(
             port: id,
             peer,
             cleartext,
+            end: &end,
         });
         let server = Server::custom(&app, Clock, &CONFIG, &mut buffer);
-        // What is wrong with a connection ends it.
-        let _ = with_timeout(AGE_MAX, server.serve(Halves::new(&mut stream))).await;
+        // An error ends the connection.
+        select(server.serve(Halves::new(&mut stream)), until(&end)).await;
     } else {
         listening::refuses(gateway, id, peer, Event::Unwelcome);
     }

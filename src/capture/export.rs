@@ -1,8 +1,10 @@
 //! Exports the capture as a growing PCAPNG file, to a file or a TCP client.
 
+#[cfg(feature = "web")] // As below.
+use embassy_time::Instant;
 use embedded_io_async::Write;
 
-use super::{Capture, Captured, Following, pcapng};
+use super::{Capture, Following, pcapng};
 use crate::gateway::Gateway;
 use crate::settings::PortId;
 
@@ -27,14 +29,21 @@ impl<'c> Export<'c> {
         Ok(Some(export))
     }
 
+    /// Writes how many frames were lost so far: a sign of life while none come.
+    // Only the web interface needs it: elsewhere the other end is read.
+    #[cfg(feature = "web")]
+    pub(crate) async fn write_lost<W: Write>(&self, out: &mut W) -> Result<(), W::Error> {
+        let epoch_us = self.capture.epoch_us.lock(core::cell::Cell::get);
+        out.write_all(&pcapng::statistics(Instant::now(), epoch_us, self.dropped)).await
+    }
+
     /// Writes the next frame, if there is one; returns whether there was.
     pub async fn write_next<W: Write>(&mut self, out: &mut W) -> Result<bool, W::Error> {
         let Some(mut frame) = self.following.next() else { return Ok(false) };
         let epoch_us = self.capture.epoch_us.lock(core::cell::Cell::get);
         if frame.missed > 0 {
             self.dropped += u64::from(frame.missed);
-            let Captured { head, .. } = &frame;
-            out.write_all(&pcapng::statistics(head, epoch_us, self.dropped)).await?;
+            out.write_all(&pcapng::statistics(frame.head.at, epoch_us, self.dropped)).await?;
         }
         // Encoded twice, so that the future holds no block while it writes the frame's bytes: each connection of a board has one.
         out.write_all(&pcapng::packet(&frame, epoch_us).0).await?;

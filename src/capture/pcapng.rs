@@ -3,6 +3,7 @@
 //! RTU frames go to the dissector `mbrtu`, those of Modbus TCP to `mbtcp` and `mbudp`; ASCII frames and invalid frames are shown as
 //! bytes. Clauses are those of draft-ietf-opsawg-pcapng; numbers are little-endian, as the section's magic declares.
 
+use embassy_time::Instant;
 use heapless::Vec;
 
 use super::{Captured, FrameKind, Head};
@@ -58,10 +59,10 @@ pub fn interface(name: &str) -> Block {
     })
 }
 
-/// The number of frames lost so far, with the time of the next one. They may belong to any interface; the count is stored with
+/// The number of frames lost so far, with the time of the next one, or of now. They may belong to any interface; the count is stored with
 /// the first.
-pub fn statistics(head: &Head, epoch_us: u64, dropped: u64) -> Block {
-    let at = epoch_us.wrapping_add(head.at.as_micros());
+pub fn statistics(at: Instant, epoch_us: u64, dropped: u64) -> Block {
+    let at = epoch_us.wrapping_add(at.as_micros());
     block(INTERFACE_STATISTICS, |block| {
         for field in [0, (at >> 32) as u32, at as u32] {
             put(block, &field.to_le_bytes());

@@ -4,10 +4,12 @@ use core::fmt::{self, Display};
 
 use embassy_time::{Duration, Instant};
 
+pub(crate) use super::alone::{NotBegun, Running};
 pub(crate) use super::ask::Ask;
 use super::ask::{Question, parse};
 use super::candidate;
 use super::command::commands;
+use super::explain::Explained;
 pub(crate) use super::log_in::Denied;
 pub(crate) use super::output::Written;
 use super::rows::{Values, text};
@@ -21,7 +23,7 @@ use crate::language::{LineError, Words, Wrong};
 use crate::modbus::Exception;
 use crate::modbus::pdu::EXCEPTION_BIT;
 use crate::scanner::{Pdu, RowId, ValueType};
-use crate::settings::{PointAt, Role};
+use crate::settings::{PointAt, Role, Settings};
 
 /// Writes the row at `place` of a table: at place 0 the heading. Cells are separated by tabs.
 pub(crate) fn row(
@@ -38,6 +40,13 @@ pub(crate) fn row(
 /// The least role that may run the command `name`.
 pub(crate) fn role(name: &str) -> Role {
     commands().find(|known| known.name == name).map_or(Role::Engineer, |known| known.role)
+}
+
+/// What the rules do with a request, by the words of `explain` in `line`.
+pub(crate) fn explain(settings: &Settings, line: &str) -> Result<Explained, LineError> {
+    let words = Words::new(line);
+    words.take();
+    Explained::parse(settings, &words).map_err(|Wrong| words.wrong())
 }
 
 /// Whether a commit may wait for its confirmation for `time`.
@@ -105,7 +114,7 @@ impl Response {
     }
 }
 
-/// Values as a list of JSON; what is no number there is `null`.
+/// Values as a list of JSON; what JSON has no number for is `null`.
 pub(crate) struct Numbers<'v> {
     value: ValueType,
     cells: &'v [u8],

@@ -4,26 +4,36 @@ use core::fmt;
 
 use super::layout::Columns;
 use super::output::Written;
-use super::rows::{StatusText, age};
+use super::rows::StatusText;
 use super::table::{Source, titled};
-use crate::gateway::audit::Forwarding;
+use crate::gateway::audit::{AuditLine, Forwarding, Stamp};
 use crate::hal::System;
 
 const AUDIT: &str = "TIME\tWHO\tWHAT";
 pub(super) const COLUMNS: Columns = &[20, 21];
 
-/// The row at `place`: lines from the oldest on. A time is an age where there is no calendar.
+/// The row at `place`: lines from the oldest on. Where there is no calendar, a time is how long the gateway had been running.
 pub(super) fn row(
     source: &Source<'_, '_>,
     system: &dyn System,
     place: usize,
     out: &mut dyn fmt::Write,
 ) -> Written {
-    let Source { gateway, settings, now } = *source;
+    let Source { gateway, settings, .. } = *source;
     if place == 0 {
         gateway.settle_audit();
     }
     titled(AUDIT, place, out, |nth, out| {
+        let earlier = gateway.earlier_audit();
+        let is_earlier = |nth| gateway.audit_line(nth).is_some_and(|line| line.number <= earlier);
+        let nth = match nth.checked_sub(1) {
+            // Between the lines of earlier runs and those of this one.
+            Some(last) if is_earlier(last) && !is_earlier(nth) => {
+                return Some(out.write_str("-\tgateway\tabove: before the last start"));
+            }
+            Some(last) if !is_earlier(nth) && is_earlier(0) => last,
+            _ => nth,
+        };
         let Some(line) = gateway.audit_line(nth) else {
             let is_behind = nth == 0 || gateway.audit_line(nth - 1).is_some();
             let syslog = settings.syslog().filter(|_| is_behind)?;
@@ -31,8 +41,13 @@ pub(super) fn row(
             let status = StatusText(status);
             return Some(write!(out, "-\tsyslog\t{syslog}: {status}; last sent {sent}, {lost} lost"));
         };
-        let dated = system.write_date(line.at, out);
-        let dated = dated.unwrap_or_else(|| write!(out, "{}", age(line.at, now)));
-        Some(dated.and_then(|()| write!(out, "\t{}", line.text)))
+        Some(write_time(&line, system, out).and_then(|()| write!(out, "\t{}", line.text)))
     })
+}
+
+fn write_time(line: &AuditLine, system: &dyn System, out: &mut dyn fmt::Write) -> fmt::Result {
+    match line.stamp {
+        Stamp::Date(date) => write!(out, "{date}"),
+        Stamp::Up(at) => system.write_date(at, out).unwrap_or_else(|| write!(out, "up {}s", at.as_secs())),
+    }
 }

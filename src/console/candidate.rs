@@ -18,13 +18,13 @@ use crate::language::{Offer, Verbs, Words, Wrong, small, time};
 use crate::settings::Role::{Engineer, Viewer};
 use crate::settings::Time;
 
-/// How long a commit waits for its confirmation, unless told.
+/// How long a commit waits for its confirmation by default.
 const CONFIRMED: Duration = Duration::from_secs(5 * 60);
 /// How long it may.
 pub(super) const CONFIRMED_RANGE: RangeInclusive<Duration> =
     Duration::from_secs(10)..=Duration::from_secs(24 * 3_600);
 
-/// Longest of what a store tells of a version.
+/// Longest description of a version by a store.
 const VERSION_BYTES_MAX: usize = 128;
 
 /// The commands.

@@ -7,6 +7,8 @@ use embassy_time::Instant;
 
 use super::ask::Ask;
 use super::candidate;
+#[cfg(feature = "web")] // As its module.
+use super::explain;
 use super::frames::Frames;
 use super::help::Help;
 use super::job::Job;
@@ -104,6 +106,8 @@ write UNIT coil|holding ADDRESS [OPTION]... VALUE... via PORT
         )
         .then(POINTS, POINTS),
     ),
+    #[cfg(feature = "web")] // As its module.
+    explain::COMMAND,
     (
         "mark",
         of_points(

@@ -73,6 +73,9 @@ pub(super) fn candidates(before: &str, settings: &Settings, each: &mut dyn FnMut
             Offer::Devices => settings.devices.iter().for_each(|device| offer(&device.name)),
             Offer::Users if !USERS => {}
             Offer::Users => settings.users.iter().for_each(|user| offer(&user.name)),
+            // As its verb.
+            #[cfg(feature = "tls")]
+            Offer::Certificates => settings.certificates().iter().for_each(|own| offer(&own.name)),
             Offer::Points => settings.points.iter().for_each(|point| offer(&point.name)),
         }
     }

@@ -1,6 +1,7 @@
 //! How a session talks to its peer, and how it ends.
 
 use core::net::IpAddr;
+use core::ops::Range;
 
 use super::guard::Foreign;
 use crate::settings::PortId;
@@ -60,6 +61,11 @@ impl<'u> Mode<'u> {
             Self::User { port, .. } => Some(port),
             _ => None,
         }
+    }
+
+    /// What was read behind a line, at `behind` in `chunk`, if it begins a file that goes on up to the end of input.
+    pub(super) fn piped<'c>(self, chunk: &'c [u8], behind: &Range<usize>) -> Option<&'c [u8]> {
+        chunk.get(behind.clone()).filter(|_| matches!(self, Self::User { edits: false, .. }))
     }
 
     /// Whether the session edits lines.

@@ -22,6 +22,15 @@ const ROOM_MIN: usize = 20;
 /// Indentation of continued text otherwise.
 const INDENT: usize = 4;
 
+/// Discards text.
+pub(super) struct Nowhere;
+
+impl fmt::Write for Nowhere {
+    fn write_str(&mut self, _: &str) -> fmt::Result {
+        Ok(())
+    }
+}
+
 /// Text for the stream.
 pub(super) struct Output {
     pub(super) text: String<OUTPUT_BYTES_MAX>,

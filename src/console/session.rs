@@ -3,10 +3,12 @@
 use core::fmt;
 use core::net::IpAddr;
 
+use embassy_time::Timer;
+
 use super::asks::Asks;
 use super::mode::{Ended, Mode};
 use super::output::{COLUMNS, Output};
-use super::wait::Wait;
+use super::wait::{Wait, WaitEvent};
 use crate::fieldbus::{EthercatState, LineWriter};
 use crate::gateway::Gateway;
 use crate::gateway::audit::{Actor, Topic};
@@ -149,6 +151,21 @@ impl Session<'_, '_> {
         // Requests fit a PDU.
         let _ = self.pdu.extend_from_slice(request);
         Wait::Answer { typed_ends }
+    }
+
+    /// Waits for the time, or for the units of the turn.
+    pub(super) async fn wait(&mut self, wait: Wait) -> WaitEvent {
+        match (wait, &self.turn) {
+            (Wait::Pause(time) | Wait::Rest(time), _) => Timer::after(time).await,
+            (Wait::Answer { .. }, Some(turn)) => {
+                return WaitEvent::Answer(turn.ask(self.unit, &mut self.pdu).await);
+            }
+            (Wait::Open { line, timeout, alone }, Some(turn)) => {
+                return WaitEvent::Opened(turn.try_on(line, timeout, alone).await);
+            }
+            _ => {}
+        }
+        WaitEvent::Nothing
     }
 
     /// Applies a line of the settings' language.

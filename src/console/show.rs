@@ -4,26 +4,29 @@ use core::fmt;
 
 use embassy_time::Instant;
 
-#[cfg(feature = "users")]
+#[cfg(feature = "audit")]
 use super::audit;
+#[cfg(feature = "tls")] // As the topic.
+use super::certificates;
 #[cfg(feature = "candidate")] // As the topic.
 use super::diff;
 use super::layout::{self, Columns, Layout};
 use super::log_in::Denied;
-use super::output::{NO_ROW, Written};
+use super::output::{NO_ROW, Nowhere, Written};
 use super::points;
 use super::registers;
 use super::rows::{LineErrors, LogRow, Row, StatusText, age, cell, describe_unit, text, took};
 use super::session::Session;
 use super::table::{Source, titled};
 use super::users;
+use super::version;
 use super::wait::Wait;
 use crate::fieldbus::{Controller, EthercatState, LineWriter};
 use crate::gateway::unit_health::{UNITS_MAX, Unit};
 use crate::hal::{NetworkState, System};
 use crate::language::listed::listed;
 use crate::language::{Shown, Words, Wrong, write_shown_line};
-use crate::settings::{self, Endpoint, PortKind, Role, SERVERS, ServerSettings, Settings, Side};
+use crate::settings::{self, Endpoint, PortKind, Role, SERVERS, ServerSettings, Settings, Side, TLS};
 use crate::stats::{Event, LOG_ENTRIES_MAX, LastError};
 
 /// The topics of `show`.
@@ -39,17 +42,24 @@ pub(crate) enum Show {
     Devices,
     Registers,
     Users,
-    // Its row would take room in images without users.
-    #[cfg(feature = "users")]
+    // Its row would take room in images without a trail.
+    #[cfg(feature = "audit")]
     Audit,
     Config,
     /// The same with the hashes of passwords.
     Secrets,
+    // Images without TLS have no certificates.
+    #[cfg(feature = "tls")]
+    Certificates,
     // Images without a candidate have no word of it.
     #[cfg(feature = "candidate")]
     Candidate,
     Network,
     Log,
+    /// Its table alone.
+    // Only the web interface shows it.
+    #[cfg(feature = "web")]
+    Transactions,
     Frames,
     Version,
     Update,
@@ -67,8 +77,10 @@ pub(super) const TOPICS: &[(&str, (Show, &str))] = &[
     ("devices", (Show::Devices, "the devices that the scanner polls")),
     ("registers", (Show::Registers, "the gateway's own, where a rule leads to local")),
     ("users", (Show::Users, "who may log in")),
-    #[cfg(feature = "users")]
+    #[cfg(feature = "audit")]
     ("audit", (Show::Audit, "who changed what, from where, and what was refused")),
+    #[cfg(feature = "tls")] // As above.
+    ("certificates", (Show::Certificates, "those of tls: whose, and until when")),
     ("config", (Show::Config, "the settings as lines; config secrets: with hashes")),
     #[cfg(feature = "candidate")] // As above.
     ("candidate", (Show::Candidate, "what commit would put in force")),
@@ -88,7 +100,7 @@ impl Show {
             Self::Secrets => {
                 (settings::USERS && !(is_local && own == Role::Engineer)).then_some(Denied::NotLocal)
             }
-            #[cfg(feature = "users")]
+            #[cfg(feature = "audit")]
             Self::Audit if own < Role::Engineer => Some(Denied::Role { needed: Role::Engineer, own }),
             _ => None,
         }
@@ -168,16 +180,20 @@ pub(super) fn write(
         Show::Devices => points::device(source, place, out),
         Show::Registers => registers::row(source, place, out),
         Show::Users if settings::USERS => table(users::HEAD, users::row, out),
-        #[cfg(feature = "users")]
+        #[cfg(feature = "audit")]
         Show::Audit => audit::row(source, system, place, out),
+        #[cfg(feature = "tls")] // As above.
+        Show::Certificates => certificates::row(source, system, place, out),
         Show::Config => write_shown_line(source.settings, place, Shown::WithoutSecrets, out),
         Show::Secrets => write_shown_line(source.settings, place, Shown::WithSecrets, out),
         #[cfg(feature = "candidate")] // As above.
         Show::Candidate => diff::row(source, place, out),
         Show::Network => network(source.settings, system.network(), place, out),
         Show::Log => event(source, system, place, out),
-        Show::Version => version(source, system, place, out),
-        Show::Update => update(system, place, out),
+        #[cfg(feature = "web")]
+        Show::Transactions => titled(LOG, place, out, |nth, out| transaction(source, nth, out)),
+        Show::Version => version::row(source, system, place, out),
+        Show::Update => version::update(system, place, out),
         Show::Frames | Show::Users => None,
     }
 }
@@ -190,8 +206,10 @@ const fn columns(what: Show) -> Columns {
         Show::Routes => &[-3, 15, 7, 18, 4, 15, 7],
         Show::Units => &[15, -4, 11, -10, -10, -10, -10, -9, -9, -9],
         Show::Users => users::COLUMNS,
-        #[cfg(feature = "users")]
+        #[cfg(feature = "audit")]
         Show::Audit => audit::COLUMNS,
+        #[cfg(feature = "tls")] // As above.
+        Show::Certificates => certificates::COLUMNS,
         Show::Clients => &[15, 21, -9, -9, -4, -10],
         Show::Stats => &[15, 13, -10, -10],
         Show::Log => &[-9, 15, -4, 15, -6, -8, -10],
@@ -276,7 +294,9 @@ fn client(source: &Source<'_, '_>, nth: usize, out: &mut dyn fmt::Write) -> Writ
     let (since, quiet) = (age(state.since, now), age(state.last_request, now));
     let (open, requests) = (state.open_requests, state.requests);
     let place = if state.marked { "reserved" } else { "ordinary" };
-    Some(write!(out, "{port}\t{peer}\t{since}\t{quiet}\t{open}\t{requests}\t{place}"))
+    let row = write!(out, "{port}\t{peer}\t{since}\t{quiet}\t{open}\t{requests}\t{place}");
+    let has_role = TLS && !state.role.is_none();
+    Some(row.and_then(|()| if has_role { write!(out, ", role {}", state.role.name()) } else { Ok(()) }))
 }
 
 /// The counters of all ports, then their last errors, then those of frames.
@@ -341,7 +361,7 @@ fn network(
 
 /// Messages of the board and its controller, then the transactions from the oldest on.
 fn event(source: &Source<'_, '_>, system: &dyn System, place: usize, out: &mut dyn fmt::Write) -> Written {
-    let Source { gateway, settings, now } = *source;
+    let Source { gateway, settings, .. } = *source;
     if let Some(event) = system.write_event(place, out) {
         return Some(event);
     }
@@ -353,42 +373,13 @@ fn event(source: &Source<'_, '_>, system: &dyn System, place: usize, out: &mut d
         }
         row -= 1;
     }
-    titled(LOG, row, out, |nth, out| {
-        let Some(entry) = gateway.log().newest(LOG_ENTRIES_MAX.checked_sub(nth + 1)?) else { return NO_ROW };
-        let age = age(entry.at, now);
-        Some(write!(out, "{age}\t{}", LogRow { settings, entry }))
-    })
+    titled(LOG, row, out, |nth, out| transaction(source, nth, out))
 }
 
-/// Discards text.
-struct Nowhere;
-
-impl fmt::Write for Nowhere {
-    fn write_str(&mut self, _: &str) -> fmt::Result {
-        Ok(())
-    }
-}
-
-fn version(source: &Source<'_, '_>, system: &dyn System, place: usize, out: &mut dyn fmt::Write) -> Written {
+/// Transaction `nth`, from the oldest on.
+fn transaction(source: &Source<'_, '_>, nth: usize, out: &mut dyn fmt::Write) -> Written {
     let Source { gateway, settings, now } = *source;
-    let (version, board) = (env!("CARGO_PKG_VERSION"), system.name());
-    let up = age(Instant::from_ticks(0), now);
-    (place == 0).then(|| {
-        write!(out, "mobgate {version} on {board}, up {up}")?;
-        if let Some(firmware) = system.firmware() {
-            write!(out, ", {firmware}")?;
-        }
-        let Some(controller) = gateway.ethercat_controller(settings) else { return Ok(()) };
-        write!(out, ", {controller}")?;
-        let indicators = gateway.ethercat().and_then(EthercatState::indicators);
-        indicators.map_or(Ok(()), |indicators| write!(out, ", {indicators}"))
-    })
-}
-
-fn update(system: &dyn System, place: usize, out: &mut dyn fmt::Write) -> Written {
-    let version = env!("CARGO_PKG_VERSION");
-    (place == 0).then(|| match system.firmware() {
-        Some(firmware) => write!(out, "{version}: {firmware}"),
-        None => write!(out, "{version}, which does not update itself: see update"),
-    })
+    let Some(entry) = gateway.log().newest(LOG_ENTRIES_MAX.checked_sub(nth + 1)?) else { return NO_ROW };
+    let age = age(entry.at, now);
+    Some(write!(out, "{age}\t{}", LogRow { settings, entry }))
 }

@@ -1,5 +1,8 @@
-//! `update`: takes a new image from the terminal, by YMODEM.
+//! `update`: takes a new image from the terminal, by YMODEM, or by SSH as a file that is piped in.
 
+// Others have no way to send one.
+#[cfg(feature = "ssh")]
+mod piped;
 mod ymodem;
 
 use core::fmt;
@@ -7,7 +10,7 @@ use core::fmt;
 use embassy_time::{Duration, Timer, with_timeout};
 use embedded_io_async::{Read, Write};
 
-use self::ymodem::{CANCEL, Came, Receiver, Stopped};
+use self::ymodem::{Action, CANCEL, Receiver, Stopped};
 use super::session::Session;
 use super::wait::Wait;
 use crate::gateway::audit::Topic;
@@ -37,16 +40,23 @@ impl fmt::Display for Failed {
     }
 }
 
-/// Receives a file from `stream` into `update`.
+/// Receives a file from `stream` into `update`; one that is piped in begins with what was read `ahead`.
 pub(super) async fn receive<IO, U>(
     stream: &mut IO,
     update: &mut U,
     allow_older: bool,
+    #[cfg_attr(not(feature = "ssh"), allow(unused_variables))] // As above.
+    ahead: Option<&[u8]>,
 ) -> Result<Result<Version, Failed>, IO::Error>
 where
     IO: Read + Write,
     U: Update,
 {
+    #[cfg(feature = "ssh")] // As above.
+    if let Some(ahead) = ahead.filter(|_| U::EXISTS) {
+        let received = piped::receive(stream, update, allow_older, ahead).await?;
+        return Ok(received.map_err(|why| why.map_or(Failed::Stopped(Stopped::Silent), Failed::Refused)));
+    }
     // Nobody need send what is not taken anyway; and from here on nobody else begins.
     let begun = update.begin(None, allow_older).await;
     if !U::EXISTS || begun.is_err() {
@@ -89,7 +99,7 @@ where
         let came = match bytes.next().and_then(|at| chunk.get(at)) {
             Some(byte) => receiver.feed(*byte),
             None => match with_timeout(receiver.patience(), stream.read(&mut chunk)).await {
-                Ok(Ok(0)) => Came::Stopped(Stopped::Silent),
+                Ok(Ok(0)) => Action::Stopped(Stopped::Silent),
                 Ok(read) => {
                     bytes = 0..read?;
                     continue;
@@ -98,19 +108,19 @@ where
             },
         };
         let done = match came {
-            Came::More => continue,
-            Came::Send(bytes) => {
+            Action::More => continue,
+            Action::Send(bytes) => {
                 send(stream, bytes).await?;
                 continue;
             }
-            Came::Done(bytes) => {
+            Action::Done(bytes) => {
                 send(stream, bytes).await?;
                 return Ok(Ok(version));
             }
-            Came::Stopped(why) => return Ok(Err(Failed::Stopped(why))),
-            Came::Begin(length) => update.begin(length, allow_older).await,
-            Came::Data => update.write(receiver.data()).await,
-            Came::Finish => update.finish().await.map(|finished| version = finished),
+            Action::Stopped(why) => return Ok(Err(Failed::Stopped(why))),
+            Action::Begin(length) => update.begin(length, allow_older).await,
+            Action::Data => update.write(receiver.data()).await,
+            Action::Finish => update.finish().await.map(|finished| version = finished),
         };
         match done {
             Ok(()) => send(stream, receiver.accepted()).await?,

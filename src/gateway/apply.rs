@@ -5,7 +5,7 @@ use embassy_time::Instant;
 use super::check::{ApplyError, is_scanner};
 use super::points::{self, Reloaded};
 use super::{Gateway, Status};
-use crate::settings::{PORTS_MAX, PortId, SERVERS_MAX, Settings, USERS};
+use crate::settings::{AUDIT, PORTS_MAX, PortId, SERVERS_MAX, Settings};
 
 impl Gateway<'_> {
     /// Applies `new`. Rules and special units take effect with the next request; ports whose kind or settings differ are restarted,
@@ -38,8 +38,11 @@ impl Gateway<'_> {
             if settings.mdns != new.mdns || settings.network != new.network || settings.ports != new.ports {
                 self.mdns_changed.signal(());
             }
-            if USERS && settings.syslog != new.syslog {
+            if AUDIT && settings.syslog != new.syslog {
                 self.audit.iter().for_each(|audit| audit.server_changed.signal(()));
+            }
+            if AUDIT && settings.ntp != new.ntp {
+                self.calendar.iter().for_each(|calendar| calendar.server_changed.signal(()));
             }
             settings.clone_from(new);
         });

@@ -4,7 +4,13 @@
 //! can cause at will is counted when it repeats: a line tells the number once an interval. No line has a secret, nor a text that was
 //! not understood, which may be a password typed at the wrong prompt.
 
+mod line;
+mod memory;
+// Images without a trail send nothing.
+#[cfg(feature = "audit")]
+mod message;
 mod ring;
+mod stamp;
 pub(super) mod state;
 mod topic;
 mod trail;
@@ -17,12 +23,20 @@ use embassy_futures::select::select;
 use embassy_time::{Instant, Timer};
 use heapless::String;
 
+pub use self::line::{AUDIT_BYTES_MAX, AuditLine};
+pub use self::memory::AuditMemory;
+use self::memory::Rings;
+#[cfg(feature = "audit")] // As above.
+pub use self::message::MESSAGE_BYTES_MAX;
+#[cfg(feature = "audit")] // As above.
+pub(crate) use self::message::{loss, message};
+pub use self::stamp::Stamp;
 pub use self::state::Forwarding;
 pub use self::topic::{Actor, Topic};
-use self::trail::Tally;
-pub use self::trail::{AUDIT_BYTES_MAX, AuditLine, COUNTED_FOR};
+pub use self::trail::COUNTED_FOR;
+use self::trail::{Tally, Trail};
 use super::Gateway;
-use crate::settings::{PortId, Time, USERS};
+use crate::settings::{AUDIT, PortId, Time};
 
 /// What a line ends in if it is too long.
 const CUT: &str = "...";
@@ -52,37 +66,74 @@ impl Write for Text {
     }
 }
 
-impl AuditLine {
-    /// Who is behind it.
-    pub fn actor(&self) -> &str {
-        self.text.split_once('\t').map_or("", |(actor, _)| actor)
+impl<'g> Gateway<'g> {
+    /// Adds an audit trail, which takes memory of its own. Without, nothing is written down.
+    #[must_use]
+    pub const fn with_audit(mut self, memory: &'g AuditMemory) -> Self {
+        self.audit_memory = Some(memory);
+        self
     }
 
-    /// What happened.
-    pub fn what(&self) -> &str {
-        self.text.split_once('\t').map_or("", |(_, what)| what)
+    /// The trail, if the board has memory for it.
+    fn trail<R>(&self, f: impl FnOnce(&mut Trail, &Rings) -> R) -> Option<R> {
+        let (audit, memory) = (self.audit.first()?, self.audit_memory?);
+        Some(audit.trail.lock(|trail| memory.rings(|rings| f(&mut trail.borrow_mut(), rings))))
     }
 }
 
 impl Gateway<'_> {
+    /// Takes over the lines of before a reset, and writes why this run began, and how the last one ended if it has said so. For boards
+    /// that keep the trail's memory over a reset, before any other line.
+    #[inline]
+    pub fn audit_start(&self, cause: &str, last_words: Option<&str>) {
+        if !AUDIT {
+            return;
+        }
+        self.resume_audit();
+        let version = env!("CARGO_PKG_VERSION");
+        self.audit(Topic::Start, Actor::System, format_args!("start of mobgate {version}, {cause}"));
+        if let Some(words) = last_words {
+            self.audit(Topic::Start, Actor::System, format_args!("the last run ended: {words}"));
+        }
+    }
+
+    fn resume_audit(&self) {
+        let resumed = self.trail(|trail, rings| {
+            trail.resume(rings);
+            rings.sent.get()
+        });
+        if let Some(sent) = resumed {
+            self.change_forwarding(|forwarding| forwarding.sent = sent);
+        }
+    }
+
+    /// Gives the lines of this run their dates.
+    pub(super) fn date_audit(&self) {
+        self.trail(|trail, rings| {
+            rings.restamp(trail.earlier() + 1, |stamp| match stamp {
+                Stamp::Up(at) => self.stamp(at),
+                date @ Stamp::Date(_) => date,
+            });
+        });
+    }
+
     /// Writes a line: `what` was done by `actor`.
     #[inline]
     pub fn audit(&self, topic: Topic, actor: Actor<'_>, what: fmt::Arguments<'_>) {
-        if USERS {
+        if AUDIT {
             self.settle_audit();
             self.write_audit(topic, actor, what);
         } else if actor == Actor::Ethercat {
-            // Without users there is no trail; what is not done at the console is logged.
+            // Without a trail; what is not done at the console is logged.
             log_info!("EtherCAT: {what}");
         }
     }
 
     fn write_audit(&self, topic: Topic, actor: Actor<'_>, what: fmt::Arguments<'_>) {
         let text = Text::of(actor, what);
-        for audit in &self.audit {
-            audit.trail(|trail| trail.push(Instant::now(), topic, &text.0));
-            audit.line.signal(());
-        }
+        let stamp = self.stamp(Instant::now());
+        self.trail(|trail, rings| trail.push(rings, stamp, topic, &text.0));
+        self.audit.iter().for_each(|audit| audit.line.signal(()));
         let (actor, what) = text.0.split_once('\t').unwrap_or_default();
         if topic.is_refusal() {
             log_warn!("audit: {actor}: {what}")
@@ -102,9 +153,9 @@ impl Gateway<'_> {
     ) {
         let Some(audit) = self.audit.first() else { return };
         self.settle_audit();
-        let is_told = audit.trail(|trail| trail.refused(Instant::now(), topic, port, peer));
+        let is_told = self.trail(|trail, _| trail.refused(Instant::now(), topic, port, peer));
         audit.refusal.signal(());
-        if is_told {
+        if is_told == Some(true) {
             let actor = peer.map_or(Actor::Gateway, |peer| Actor::Peer(peer.to_canonical()));
             self.at_port(port, &mut |at| self.write_audit(topic, actor, format_args!("{what}{at}")));
         }
@@ -113,8 +164,7 @@ impl Gateway<'_> {
     /// Writes the lines of refusals that were counted long enough.
     #[doc(hidden)] // Public for tests/ only.
     pub fn settle_audit(&self) {
-        let Some(audit) = self.audit.first() else { return };
-        while let Some(tally) = audit.trail(|trail| trail.due(Instant::now())) {
+        while let Some(Some(tally)) = self.trail(|trail, _| trail.due(Instant::now())) {
             let Tally { topic, port, counted, last, .. } = tally;
             self.at_port(port, &mut |at| {
                 let (plural, time) = (topic.plural(), Time(COUNTED_FOR));
@@ -141,15 +191,20 @@ impl Gateway<'_> {
     /// Line `nth` of the trail, oldest first.
     #[doc(hidden)] // Public for tests/ only.
     pub fn audit_line(&self, nth: usize) -> Option<AuditLine> {
-        self.audit.first()?.trail(|trail| trail.nth(nth))
+        self.trail(|_, rings| rings.entries().nth(nth).map(|entry| rings.line(entry)))?
     }
 
-    /// Writes the lines of counted refusals when they are due, forever. A board with users runs it once.
+    /// The number of the last line of earlier runs; 0 if there is none.
+    pub(crate) fn earlier_audit(&self) -> u32 {
+        self.trail(|trail, _| trail.earlier()).unwrap_or(0)
+    }
+
+    /// Writes the lines of counted refusals when they are due, forever. A board with a trail runs it once.
     pub async fn settle_audits(&self) {
         let Some(audit) = self.audit.first() else { return };
         loop {
             self.settle_audit();
-            match audit.trail(|trail| trail.next_due()) {
+            match self.trail(|trail, _| trail.next_due()).flatten() {
                 None => audit.refusal.wait().await,
                 Some(due) => _ = select(audit.refusal.wait(), Timer::at(due)).await,
             }
@@ -164,7 +219,8 @@ impl Gateway<'_> {
         let Some(audit) = self.audit.first() else { return pending().await };
         loop {
             let sent = self.forwarding().sent;
-            if let Some(line) = audit.trail(|trail| trail.after(sent)) {
+            let next = |rings: &Rings| Some(rings.line(rings.entries().find(|entry| entry.number > sent)?));
+            if let Some(Some(line)) = self.trail(|_, rings| next(rings)) {
                 let lost = line.number - sent - 1;
                 return (line, lost);
             }
@@ -174,7 +230,7 @@ impl Gateway<'_> {
 
     /// Whether all lines were sent.
     pub fn is_audit_sent(&self) -> bool {
-        self.audit.iter().all(|audit| audit.trail(|trail| trail.last()) == self.forwarding().sent)
+        self.trail(|trail, _| trail.last()).is_none_or(|last| last == self.forwarding().sent)
     }
 
     /// How forwarding does.
@@ -187,7 +243,12 @@ impl Gateway<'_> {
     /// Calls `change` with how forwarding does.
     pub fn change_forwarding(&self, change: impl FnOnce(&mut Forwarding)) {
         if let Some(audit) = self.audit.first() {
-            audit.forwarding.lock(|forwarding| change(&mut forwarding.borrow_mut()));
+            let sent = audit.forwarding.lock(|forwarding| {
+                let mut forwarding = forwarding.borrow_mut();
+                change(&mut forwarding);
+                forwarding.sent
+            });
+            self.trail(|_, rings| rings.sent.set(sent));
         }
     }
 

@@ -29,6 +29,9 @@ pub enum ApplyError {
     /// The board's network does not belong to the gateway.
     #[error("network lines are for boards with a network of their own; here the operating system manages it")]
     Network,
+    /// An operating system keeps the time.
+    #[error("ntp lines are for boards with a network of their own; here the operating system keeps the time")]
+    Time,
     /// The board runs fewer ports.
     #[error("this board runs {0} ports at most")]
     Ports(usize),
@@ -62,6 +65,7 @@ impl ApplyError {
     pub(crate) fn word<'s>(&self, settings: &'s Settings) -> &'s str {
         match self {
             Self::Network => "network",
+            Self::Time => "ntp",
             Self::Connections { .. } => "clients",
             Self::NoPoints => "scanner",
             Self::NoEthercat | Self::NoInterface => "ethercat",
@@ -88,6 +92,9 @@ impl Gateway<'_> {
         }
         if !self.owns_network && new.network.is_some() {
             return Err(ApplyError::Network);
+        }
+        if !self.owns_network && new.ntp().is_some() {
+            return Err(ApplyError::Time);
         }
         let has_points = !new.points.is_empty() || new.ports.iter().flatten().any(is_scanner);
         if has_points && self.scanner().is_none() {

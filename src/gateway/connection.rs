@@ -10,7 +10,7 @@ use embassy_time::Instant;
 
 use super::shared::Shared;
 use crate::frame::Channel;
-use crate::settings::PortId;
+use crate::settings::{ClientRole, PortId};
 
 /// The shared state of a TCP connection slot.
 pub struct Connection {
@@ -30,6 +30,8 @@ pub struct ConnectionState {
     pub port: Option<PortId>,
     /// The connected client.
     pub peer: Option<SocketAddr>,
+    /// The role in the client's certificate.
+    pub role: ClientRole,
     /// Whether the client may use reserved connections.
     pub marked: bool,
     /// Whether the connection has been told to close.
@@ -50,6 +52,7 @@ impl ConnectionState {
     pub(crate) const EMPTY: Self = Self {
         port: None,
         peer: None,
+        role: ClientRole::NONE,
         marked: false,
         leaving: false,
         generation: 0,

@@ -12,14 +12,15 @@ use crate::gateway::Gateway;
 use crate::language::{Shown, write_shown_line};
 use crate::scanner::DEVICES_MAX;
 use crate::settings::{
-    LINE_BYTES_MAX, POINTS_MAX, PORTS_MAX, ROUTES_MAX, SERVERS_MAX, SLAVES_MAX, Settings, USER_KEYS_MAX,
-    USERS, USERS_MAX,
+    AUDIT, CERTIFICATES_MAX, LINE_BYTES_MAX, POINTS_MAX, PORTS_MAX, ROUTES_MAX, SERVERS_MAX, SLAVES_MAX,
+    Settings, USER_KEYS_MAX, USERS_MAX,
 };
 
-/// Lines of settings: network, discovery and syslog have one each.
-const LINES_MAX: usize = if USERS || cfg!(feature = "candidate") {
+/// Lines of settings: network, discovery, syslog and time have one each.
+const LINES_MAX: usize = if AUDIT || cfg!(feature = "candidate") {
     USERS_MAX * (1 + USER_KEYS_MAX)
-        + 3
+        + 4
+        + CERTIFICATES_MAX
         + PORTS_MAX
         + SERVERS_MAX
         + ROUTES_MAX
@@ -116,7 +117,7 @@ impl Difference {
 impl Gateway<'_> {
     /// Writes a line for each line of the settings that `new` adds or takes away.
     pub fn audit_difference(&self, actor: Actor<'_>, new: &Settings) {
-        if !USERS {
+        if !AUDIT {
             return;
         }
         self.settings(|old| {

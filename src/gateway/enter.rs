@@ -85,7 +85,7 @@ impl Gateway<'_> {
         }
     }
 
-    /// Writes about a failed attempt to log in as `user`. A name of nobody is not told: it may be a password.
+    /// Writes about a failed attempt to log in as `user`. An unknown name is not logged: it may be a password.
     fn audit_failure(&self, peer: IpAddr, user: &str, what: &str) {
         let is_known = self.settings(|settings| settings.user(user).is_some());
         let user = if is_known { user } else { "an unknown user" };

@@ -76,8 +76,10 @@ pub(crate) const UNCONFIRMED: &str =
     "a commit waits for its confirmation: `commit` confirms it, `rollback` takes it back";
 
 /// Locks the draft, whatever its content.
-pub async fn draft<'s>(gateway: &'s Gateway<'_>) -> MutexGuard<'s, CriticalSectionRawMutex, Settings> {
-    gateway.draft.lock().await
+pub fn draft<'s>(
+    gateway: &'s Gateway<'_>,
+) -> impl Future<Output = MutexGuard<'s, CriticalSectionRawMutex, Settings>> {
+    gateway.draft.lock()
 }
 
 /// Changes the settings by `line`: those of the candidate, if there is one; else after a last look by `ahead` if they are others.

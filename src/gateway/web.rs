@@ -56,6 +56,8 @@ pub(crate) struct Web {
     pub(crate) turns: Turns,
     /// Connections held for live values.
     live: AtomicU8,
+    /// Stops the command that takes a while: there is one at a time, because it has the turn for direct requests.
+    pub(crate) stop: Signal<CriticalSectionRawMutex, ()>,
 }
 
 /// A connection that is held for live values.
@@ -75,6 +77,7 @@ impl Web {
             log_in: mutex::Mutex::new(()),
             turns: Turns::new(),
             live: AtomicU8::new(0),
+            stop: Signal::new(),
         }
     }
 

@@ -46,6 +46,7 @@ fn change(settings: &mut Settings, words: &Words) -> Result<Changed, Wrong> {
     match lacks {
         Some(Lack::Points) => Err(verb.error(Problem::NoPoints)),
         Some(Lack::Servers) => Err(verb.error(Problem::NoServers)),
+        Some(Lack::Tls) => Err(verb.error(Problem::NoTls)),
         Some(Lack::Users) => Err(verb.error(Problem::NoUsers)),
         None => run(settings, words),
     }

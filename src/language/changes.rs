@@ -3,6 +3,9 @@
 use core::mem::discriminant;
 use core::num::NonZeroU16;
 
+// As what uses it.
+#[cfg(feature = "tls")]
+use super::certificates;
 use super::changed::Changed;
 use super::listed::listed;
 use super::point_problem::PointProblem;
@@ -14,7 +17,8 @@ use super::words::{Word, Words, Wrong};
 use super::{mdns, own_network, point_checks, point_words, port_kinds, route_words, servers, slaves, users};
 use crate::scanner::POINTS;
 use crate::settings::{
-    Destination, Name, PORTS_MAX, Port, PortId, PortKind, ROUTES_MAX, Route, Rules, SERVERS, Settings, USERS,
+    Destination, Name, PORTS_MAX, Port, PortId, PortKind, ROUTES_MAX, Route, Rules, SERVERS, Settings, TLS,
+    USERS,
 };
 
 /// Executes the words after a verb.
@@ -126,6 +130,17 @@ fn put_port(
     if settings.port(id).is_some_and(changes) {
         check_unused(settings, id, name)?;
     }
+    // Images without TLS have no word of it.
+    #[cfg(feature = "tls")]
+    if let Some(problem) = certificates::lacks_certificate(settings, &port.kind) {
+        return Err(name.error(problem));
+    }
+    if TLS && !port.kind.has_roles() {
+        let by_role = settings.routes.iter().map(|route| route.source == id && !route.role.is_none());
+        if let Some(rules) = Rules::of(by_role) {
+            return Err(name.error(Problem::RulesNeedTls(rules)));
+        }
+    }
     if !port.kind.has_peers() {
         let by_address = settings.routes.iter().map(|route| route.source == id && route.peer.is_some());
         if let Some(rules) = Rules::of(by_address) {
@@ -187,6 +202,9 @@ enum Thing {
     Slave,
     Slaves,
     User,
+    // Images without TLS have no word of it; also below.
+    #[cfg(feature = "tls")]
+    Certificate,
 }
 
 /// Deletable items.
@@ -200,6 +218,9 @@ const THINGS: &[(&str, Thing)] = &[
     ("slave", Thing::Slave),
     ("slaves", Thing::Slaves),
     ("user", Thing::User),
+    // As its line.
+    #[cfg(feature = "tls")]
+    ("certificate", Thing::Certificate),
 ];
 const THINGS_EXPECTED: &str = listed!(THINGS);
 const ROUTE: (&str, Thing) = ("route", Thing::Route);
@@ -240,10 +261,10 @@ pub(crate) fn move_route(settings: &mut Settings, words: &Words<'_>) -> Result<C
     let to = route_place(settings, words.take())?;
     words.end()?;
     let span = settings.routes.get_mut(from.min(to)..=from.max(to)).unwrap_or_default();
-    if from < to {
-        span.rotate_left(1)
-    } else {
-        span.rotate_right(1)
+    // Step by step: a rotation by any number is more code.
+    for step in 1..span.len() {
+        let at = if from < to { step } else { span.len() - step };
+        span.swap(at - 1, at);
     }
     Ok(Changed::Rule(to))
 }
@@ -277,6 +298,8 @@ pub(crate) fn delete(settings: &mut Settings, words: &Words<'_>) -> Result<Chang
         }
         Thing::User if !USERS => return Err(words.take().error(Problem::NoUsers)),
         Thing::User => return users::delete_user(settings, words),
+        #[cfg(feature = "tls")] // As above.
+        Thing::Certificate => return certificates::delete_certificate(settings, words),
         _ if !POINTS => return Err(words.take().error(Problem::NoPoints)),
         Thing::Slaves => {
             words.end()?;

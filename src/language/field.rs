@@ -6,6 +6,9 @@ use core::ops::RangeInclusive;
 use embassy_time::Duration;
 use heapless::{String, Vec};
 
+// As what uses it.
+#[cfg(feature = "tls")]
+use super::certificates::certificate_name;
 use super::ethercat::ON_LOSS;
 use super::option::list;
 use super::port_values::{device, format, interface, meaning, prefixes, reserved_for, server_address};
@@ -57,6 +60,9 @@ pub(crate) enum Field<'s> {
     Special(&'s mut Special, bool),
     Interface(&'s mut Option<InterfaceName>),
     Line(&'s mut Option<Name>),
+    // Images without TLS have no word of it; also below.
+    #[cfg(feature = "tls")]
+    Certificate(&'s mut Option<Name>),
     OnLoss(&'s mut OnLoss),
     Proofs(&'s mut Proofs),
 }
@@ -106,6 +112,10 @@ impl Field<'_> {
             Self::Interface(target) => *target = Some(interface(word)?),
             Self::Line(target) if word.is("none") => *target = None,
             Self::Line(target) => *target = Some(name(word)?),
+            #[cfg(feature = "tls")]
+            Self::Certificate(target) if word.is("none") => *target = None,
+            #[cfg(feature = "tls")]
+            Self::Certificate(target) => *target = Some(certificate_name(word)?),
             Self::OnLoss(target) => *target = word.keyword(ON_LOSS, "hold, clear or stop")?,
             Self::Proofs(target) => *target = Proofs::read(word, words)?,
             _ => {}
@@ -140,6 +150,8 @@ impl Field<'_> {
             Self::Id(Some(id), _) => id,
             Self::Special(meaning, _) => meaning,
             Self::Interface(Some(name)) | Self::Line(Some(name)) => name,
+            #[cfg(feature = "tls")]
+            Self::Certificate(Some(name)) => name,
             Self::OnLoss(on_loss) => on_loss,
             Self::Proofs(proofs) => proofs,
             Self::Full(refuses) => {

@@ -6,7 +6,9 @@ use super::port_limits::{
     BAUD, CHAR_TIMEOUT, CLIENTS, DOWN_AFTER, HOUR, ID, IDLE, LIFETIME, MINUTE, PIPELINE, REQUESTS, RESERVED,
     RETRIES, SECOND, SOCKETS, TEN_SECONDS, TIMEOUT, UNIT,
 };
-use crate::scanner::POINTS;
+// As what uses it.
+#[cfg(feature = "tls")]
+use crate::settings::TlsSettings;
 use crate::settings::{
     EthercatSettings, SerialSettings, TcpClientSettings, TcpServerSettings, UdpServerSettings,
 };
@@ -52,6 +54,23 @@ impl TcpServerSettings {
             Key::Full => Field::Full(&mut self.refuses),
             Key::Reserve => Field::Reserve(&mut self.reserved, &mut self.reserved_for, &RESERVED),
             Key::Allow => Field::Allow(&mut self.allowed),
+            // Images without TLS have no word of it.
+            #[cfg(feature = "tls")]
+            key => return self.tls.field(key),
+            #[cfg(not(feature = "tls"))] // As above.
+            _ => return None,
+        })
+    }
+}
+
+// As above.
+#[cfg(feature = "tls")]
+impl TlsSettings {
+    fn field(&mut self, key: Key) -> Option<Field<'_>> {
+        Some(match key {
+            Key::Tls(on) => Field::Flag(&mut self.on, on),
+            Key::Certificate => Field::Certificate(&mut self.certificate),
+            Key::Trust => Field::Certificate(&mut self.trust),
             _ => return None,
         })
     }
@@ -74,6 +93,10 @@ impl TcpClientSettings {
             Key::LateWindow => Field::AutoTime(&mut self.late_window, &HOUR),
             Key::DownAfter => Field::Small(&mut self.down_after, &DOWN_AFTER),
             Key::Proof => Field::Proofs(&mut self.proofs),
+            // As above.
+            #[cfg(feature = "tls")]
+            key => return self.tls.field(key),
+            #[cfg(not(feature = "tls"))] // As above.
             _ => return None,
         })
     }
@@ -95,8 +118,6 @@ impl UdpServerSettings {
 impl EthercatSettings {
     pub(super) fn field(&mut self, key: Key) -> Option<Field<'_>> {
         Some(match key {
-            // Its keywords exist only in images with points.
-            _ if !POINTS => return None,
             Key::Interface => Field::Interface(&mut self.interface),
             Key::Line => Field::Line(&mut self.line),
             Key::OnLoss => Field::OnLoss(&mut self.on_loss),

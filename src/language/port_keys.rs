@@ -57,6 +57,13 @@ pub(crate) enum Key {
     Id,
     Emergencies(bool),
     Modules(bool),
+    // Images without TLS have no word of it; also below.
+    #[cfg(feature = "tls")]
+    Tls(bool),
+    #[cfg(feature = "tls")]
+    Certificate,
+    #[cfg(feature = "tls")]
+    Trust,
     // Images without a web interface have no word of it.
     #[cfg(feature = "web")]
     Cleartext(bool),

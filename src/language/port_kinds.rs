@@ -1,10 +1,14 @@
-//! The kinds of port in port lines: the start of the line, the keywords, and the list for errors.
+//! The kinds of port in port lines: the start of the line, the fields that keywords set, and how they are printed.
 
 use core::fmt::{self, Display};
 
 use super::field::Field;
 use super::listed::listed;
 use super::port_keys::{Key, Keys, Keywords, UNIT_KEYS};
+// As above.
+#[cfg(feature = "web")]
+use super::port_keywords::HTTP;
+use super::port_keywords::{ETHERCAT, NONE, SERIAL, SSH_SERVER, TCP_CLIENT, TCP_SERVER, UDP_SERVER};
 use super::port_values::{device, server_address};
 use super::problem::Problem;
 use super::values::{listen, parse_number};
@@ -14,8 +18,8 @@ use crate::scanner::POINTS;
 #[cfg(feature = "web")]
 use crate::settings::Allowed;
 use crate::settings::{
-    Driver, EthercatSettings, Framing, MODBUS_TCP_PORT, PortKind, SERVERS, SerialSettings, Side,
-    StreamFraming, TcpClientSettings, TcpServerSettings, UdpServerSettings,
+    EthercatSettings, Framing, MODBUS_TCP_PORT, PortKind, SERVERS, SerialSettings, Side, TcpClientSettings,
+    TcpServerSettings, UdpServerSettings,
 };
 
 /// The medium of a port.
@@ -55,137 +59,6 @@ pub(crate) fn is_kind(word: Word) -> bool {
     word.lookup(MEDIA).is_some()
 }
 
-const SERIAL: Keywords = (
-    &[
-        ("device", Key::Device),
-        ("rtu", Key::Framing(Framing::Rtu)),
-        ("ascii", Key::Framing(Framing::Ascii)),
-        ("client", Key::Side(Side::Client)),
-        ("server", Key::Side(Side::Server)),
-        ("master", Key::Side(Side::Client)),
-        ("slave", Key::Side(Side::Server)),
-        ("char-timeout", Key::CharTimeout),
-        ("gap", Key::Gap),
-        ("rs485", Key::Driver(Driver::Rs485)),
-        ("rts", Key::Driver(Driver::Rts)),
-        // For `edit`: resets a flag.
-        ("rs232", Key::Driver(Driver::Automatic)),
-        ("driver-before", Key::DriverBefore),
-        ("driver-after", Key::DriverAfter),
-        ("echo", Key::Echo(true)),
-        ("no-echo", Key::Echo(false)),
-        ("answer-within", Key::AnswerWithin),
-        ("reply-delay", Key::ReplyDelay),
-        ("timeout", Key::Timeout),
-        ("retries", Key::Retries),
-        ("turnaround", Key::Turnaround),
-        ("start-delay", Key::StartDelay),
-        ("late-window", Key::LateWindow),
-        ("down-after", Key::DownAfter),
-        ("proof", Key::Proof),
-    ],
-    "rtu, ascii, client, server, a baud rate, a format (8E1), device, timeout, char-timeout, gap, rs485, rts, \
-     driver-before, driver-after, echo, retries, turnaround, start-delay, late-window, \
-     down-after, proof, answer-within or reply-delay",
-);
-
-const TCP_SERVER: Keywords = (
-    &[
-        ("listen", Key::Listen),
-        ("rtu", Key::Stream(StreamFraming::Rtu)),
-        ("capture", Key::Stream(StreamFraming::Capture)),
-        // For `edit`: resets a flag.
-        ("mbap", Key::Stream(StreamFraming::Mbap)),
-        ("clients", Key::Clients),
-        ("idle", Key::Idle),
-        ("pipeline", Key::Pipeline),
-        ("lifetime", Key::Lifetime),
-        ("full", Key::Full),
-        ("reserve", Key::Reserve),
-        ("allow", Key::Allow),
-    ],
-    "listen, rtu, capture, clients, idle, pipeline, lifetime, full, reserve or allow",
-);
-
-const SSH_SERVER: Keywords = (
-    &[
-        ("listen", Key::Listen),
-        ("clients", Key::Clients),
-        ("full", Key::Full),
-        ("reserve", Key::Reserve),
-        ("allow", Key::Allow),
-    ],
-    "listen, clients, full, reserve or allow",
-);
-
-const TCP_CLIENT: Keywords = (
-    &[
-        ("address", Key::Server),
-        ("rtu", Key::Stream(StreamFraming::Rtu)),
-        // For `edit`: resets a flag.
-        ("mbap", Key::Stream(StreamFraming::Mbap)),
-        ("sockets", Key::Sockets),
-        ("unit", Key::Unit),
-        ("in-flight", Key::InFlight),
-        ("timeout", Key::Timeout),
-        ("connect-timeout", Key::ConnectTimeout),
-        ("connect-delay", Key::ConnectDelay),
-        ("request-delay", Key::RequestDelay),
-        ("idle", Key::Idle),
-        ("retries", Key::Retries),
-        ("late-window", Key::LateWindow),
-        ("down-after", Key::DownAfter),
-        ("proof", Key::Proof),
-    ],
-    "address, rtu, sockets, unit, in-flight, timeout, connect-timeout, \
-     connect-delay, request-delay, idle, retries, late-window, down-after or proof",
-);
-
-const UDP_SERVER: Keywords = (
-    &[
-        ("listen", Key::Listen),
-        ("pipeline", Key::Pipeline),
-        ("requests", Key::Requests),
-        ("lifetime", Key::Lifetime),
-        ("allow", Key::Allow),
-    ],
-    "listen, pipeline, requests, lifetime or allow",
-);
-
-// As above.
-#[cfg(feature = "web")]
-const HTTP: Keywords = (
-    &[
-        ("listen", Key::Listen),
-        ("allow", Key::Allow),
-        ("cleartext", Key::Cleartext(true)),
-        // For `edit`: resets a flag.
-        ("no-cleartext", Key::Cleartext(false)),
-    ],
-    "listen, allow or cleartext",
-);
-
-const NONE: Keywords = (&[], "");
-const ETHERCAT: Keywords = if POINTS { WITH_CONTROLLER } else { NONE };
-const WITH_CONTROLLER: Keywords = (
-    &[
-        ("interface", Key::Interface),
-        ("line", Key::Line),
-        ("on-loss", Key::OnLoss),
-        ("id", Key::Id),
-        ("modules", Key::Modules(true)),
-        // For `edit`: resets a flag.
-        ("no-modules", Key::Modules(false)),
-        ("emergencies", Key::Emergencies(true)),
-        // For `edit`: resets a flag.
-        ("no-emergencies", Key::Emergencies(false)),
-        ("prove-outputs", Key::ProveOutputs(true)),
-        // For `edit`: resets a flag.
-        ("no-prove-outputs", Key::ProveOutputs(false)),
-    ],
-    "interface, line, on-loss, id, modules, emergencies or prove-outputs",
-);
-
 /// Parses the kind of a new port, up to the device or address.
 pub(crate) fn new_port<'a>(words: &'a Words) -> Result<(PortKind, Word<'a>), Wrong> {
     let word = words.take();
@@ -198,12 +71,14 @@ pub(crate) fn new_port<'a>(words: &'a Words) -> Result<(PortKind, Word<'a>), Wro
         Medium::Http => words.take().keyword(SIDES.get(..2).unwrap_or(SIDES), "server")?,
         #[cfg(feature = "ssh")]
         Medium::Ssh => words.take().keyword(SIDES.get(..1).unwrap_or(SIDES), "server")?,
-        Medium::Scanner | Medium::Ethercat if !POINTS => return Err(word.error(Problem::NoPoints)),
-        Medium::Scanner => {
+        Medium::Scanner if POINTS => {
             words.end()?;
             return Ok((PortKind::Scanner, word));
         }
-        Medium::Ethercat => return Ok((PortKind::Ethercat(EthercatSettings::default()), word)),
+        Medium::Scanner | Medium::Ethercat => {
+            let settings = EthercatSettings::new().ok_or_else(|| word.error(Problem::NoPoints))?;
+            return Ok((PortKind::Ethercat(settings), word));
+        }
         Medium::Serial => Side::Client,
     };
     if SERVERS && matches!((medium, side), (Medium::Tcp, Side::Client)) {
@@ -380,7 +255,8 @@ impl PortKind {
                 Self::Http { listen: *listen, allowed: Allowed::everybody(), cleartext: false }
             }
             Self::Scanner => Self::Scanner,
-            Self::Ethercat(_) => Self::Ethercat(EthercatSettings::default()),
+            // Never the other one: where there is no EtherCAT, there is no such port.
+            Self::Ethercat(_) => EthercatSettings::new().map_or(Self::Scanner, Self::Ethercat),
         }
     }
 }

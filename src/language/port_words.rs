@@ -10,9 +10,12 @@ use super::port_kinds::new_port;
 use super::problem::Problem;
 use super::values::parse_number;
 use super::words::{Word, Words, Wrong};
+// As what uses it.
+#[cfg(feature = "tls")]
+use crate::settings::TlsSettings;
 use crate::settings::{
     Driver, Framing, LineSettings, Port, PortKind, Proofs, SerialClientSettings, SerialServerSettings,
-    SerialSettings, Side, StreamFraming, TcpClientSettings, TcpServerSettings, UnitPolicy,
+    SerialSettings, Side, StreamFraming, TLS, TcpClientSettings, TcpServerSettings, UnitPolicy,
 };
 
 /// A port's settings while its line is parsed.
@@ -45,9 +48,12 @@ enum Sort {
     OfServers,
     Units,
     OfRtu,
+    // Images without TLS have no word of it; also below.
+    #[cfg(feature = "tls")]
+    OfTls,
 }
 
-const SORTS: usize = Sort::OfRtu as usize + 1;
+const SORTS: usize = Sort::OfRtu as usize + 1 + TLS as usize;
 
 impl Sort {
     const fn of(key: Key) -> Option<Self> {
@@ -61,6 +67,8 @@ impl Sort {
             Key::Reserve | Key::Clients => Self::Places,
             Key::Idle | Key::Lifetime => Self::OfRequests,
             Key::InFlight | Key::Pipeline => Self::Several,
+            #[cfg(feature = "tls")]
+            Key::Certificate | Key::Trust => Self::OfTls,
             Key::Unit => Self::OfOneServer,
             Key::Sockets => Self::OfServers,
             Key::Broadcast | Key::Confirm(_) | Key::Unit255 | Key::ReservedUnits => Self::Units,
@@ -163,6 +171,9 @@ impl<'a> Draft<'a> {
             }
             _ => {}
         }
+        if !TLS && word.is("tls") {
+            return Err(word.error(Problem::NoTls));
+        }
         let (keys, expected) = self.kind.words();
         let of_units = word.lookup(UNIT_KEYS).filter(|_| self.kind.has_units());
         of_units.map_or_else(|| word.keyword(keys, expected), Ok)
@@ -187,6 +198,8 @@ impl<'a> Draft<'a> {
                 check_serial(settings, blamed)
             }
             PortKind::TcpServer(settings) => {
+                #[cfg(feature = "tls")]
+                check_tls(&mut settings.tls, blamed)?;
                 if settings.reserved > settings.clients {
                     let word = blamed.get(Sort::Places).unwrap_or(self.endpoint);
                     return Err(word.error(Problem::ReservedTooMany(settings.clients)));
@@ -202,6 +215,8 @@ impl<'a> Draft<'a> {
                 one_at_a_time(settings.framing, blamed, &mut settings.pipeline, pipeline)
             }
             PortKind::TcpClient(settings) => {
+                #[cfg(feature = "tls")]
+                check_tls(&mut settings.tls, blamed)?;
                 if settings.framing != StreamFraming::Rtu {
                     blamed.refuse(Sort::OfRtu, Problem::RtuOnly)?;
                     settings.proofs = Proofs::default();
@@ -222,6 +237,16 @@ impl<'a> Draft<'a> {
             _ => Ok(()),
         }
     }
+}
+
+/// Certificates are for TLS.
+#[cfg(feature = "tls")] // As above.
+fn check_tls(tls: &mut TlsSettings, blamed: &Blamed) -> Result<(), Wrong> {
+    if !tls.on {
+        blamed.refuse(Sort::OfTls, Problem::TlsOnly)?;
+        *tls = TlsSettings::OFF;
+    }
+    Ok(())
 }
 
 fn check_serial(settings: &mut SerialSettings, blamed: &Blamed) -> Result<(), Wrong> {

@@ -1,4 +1,4 @@
-//! Prints settings as the lines that recreate them: users, network, discovery and syslog, ports, servers, rules in order, devices, points
+//! Prints settings as the lines that recreate them: users, network, discovery, syslog, time, certificates, ports, servers, rules in order, devices, points
 //! and slaves.
 
 use core::fmt::{self, Display, Write};
@@ -12,8 +12,8 @@ use super::route_words::IDENTIFICATION;
 use super::users::KEY_TYPE;
 use crate::scanner::POINTS;
 use crate::settings::{
-    AddressRange, Framing, Functions, LineSettings, Mdns, Merge, Parity, Policy, Port, Route, SERVERS, SSH,
-    Settings, Side, Special, StreamFraming, Tag, Time, USERS, UnitPolicy, UnitRange,
+    AUDIT, AddressRange, Framing, Functions, LineSettings, Mdns, Merge, Parity, Policy, Port, Route, SERVERS,
+    SSH, Settings, Side, Special, StreamFraming, TLS, Tag, Time, USERS, UnitPolicy, UnitRange,
 };
 
 /// Longest baud rate and character format.
@@ -57,10 +57,21 @@ pub(crate) fn write_shown_line(
         mdns if n == 0 => return Some(write!(out, "mdns {mdns}")),
         _ => n - 1,
     };
-    let n = match settings.syslog.first().filter(|_| USERS) {
+    let n = match settings.syslog.first().filter(|_| AUDIT) {
         Some(syslog) if n == 0 => return Some(write!(out, "syslog {syslog}")),
         Some(_) => n - 1,
         None => n,
+    };
+    let n = match settings.ntp.first().filter(|_| AUDIT) {
+        Some(server) if n == 0 => return Some(write!(out, "ntp {server}")),
+        Some(_) => n - 1,
+        None => n,
+    };
+    // Images without TLS have none.
+    #[cfg(feature = "tls")]
+    let n = match settings.certificates.get(n) {
+        Some(certificate) => return Some(write!(out, "certificate {certificate}")),
+        None => n - settings.certificates.len(),
     };
     let ports = || settings.ports.iter().flatten();
     let widest = || ports().map(|port| port.name.len()).max().unwrap_or(0);
@@ -147,6 +158,9 @@ fn write_route(settings: &Settings, route: &Route, width: usize, out: &mut dyn W
         None => write!(out, "* ")?,
     }
     write!(out, "{} {}", route.tag, settings.destination(route.destination))?;
+    if TLS && !route.role.is_none() {
+        write!(out, " role {}", route.role.name())?;
+    }
     write!(out, "{}", route.policy)
 }
 

@@ -84,10 +84,13 @@ fn off(settings: &Settings, port: &Port) -> Option<Warning> {
 /// reach it, or it is the return path of another rule.
 fn never_matches(settings: &Settings, n: usize) -> Option<Rules> {
     let rule = settings.routes.get(n).filter(|rule| !is_implied(settings, rule))?;
-    takers(settings, n, |above| match (above.peer, rule.peer) {
-        (None, _) => true,
-        (Some(above), Some(own)) => above.covers(&own),
-        (Some(_), None) => false,
+    takers(settings, n, |above| {
+        let is_for_its_peers = match (above.peer, rule.peer) {
+            (None, _) => true,
+            (Some(above), Some(own)) => above.covers(&own),
+            (Some(_), None) => false,
+        };
+        is_for_its_peers && (above.role.is_none() || above.role == rule.role)
     })
 }
 

@@ -9,12 +9,22 @@ use super::problem::Problem;
 use super::values::{parse_number, prefix, small, span, time};
 use super::words::{Word, Words, Wrong};
 use crate::settings::{
-    AddressRange, Cut, Destination, Forbidden, Functions, IpPrefix, Merge, Policy, PortId, Priority, Route,
-    Settings, Tag, UnitRange,
+    AddressRange, ClientRole, Cut, Destination, Forbidden, Functions, IpPrefix, Merge, Policy, PortId,
+    Priority, Route, Settings, TLS, Tag, UnitRange,
 };
 
-const OPTIONS_EXPECTED: &str = "readonly, all, functions 3,4,16, addresses 0-99, writes 10-19, forbidden refuse|ignore, priority high|normal|low, urgent 5,6, merge on|off|adjacent|near N, \
-     cache 1s or cut auto|on|off";
+/// The text of the options, with the last of them.
+macro_rules! options_expected {
+    ($last:literal) => {
+        concat!("readonly, all, functions 3,4,16, addresses 0-99, writes 10-19, forbidden refuse|ignore, priority high|normal|low, urgent 5,6, merge on|off|adjacent|near N, \
+     cache 1s", $last)
+    };
+}
+const OPTIONS_EXPECTED: &str = if TLS {
+    options_expected!(", cut auto|on|off or role NAME")
+} else {
+    options_expected!(" or cut auto|on|off")
+};
 
 /// Device identification, without the rest of function 43.
 pub(crate) const IDENTIFICATION: &str = "43/14";
@@ -34,8 +44,9 @@ pub(crate) fn route(settings: &Settings, words: &Words) -> Result<Route, Wrong> 
     if destination == Destination::Port(source) {
         return Err(destination_word.error(Problem::ToItself));
     }
-    let policy = options(words)?;
-    Ok(Route { source, units, peer, tag, destination, policy })
+    let has_roles = settings.port(source).is_some_and(|port| port.kind.has_roles());
+    let (role, policy) = options(words, has_roles)?;
+    Ok(Route { source, units, peer, role, tag, destination, policy })
 }
 
 pub(crate) fn port(settings: &Settings, word: Word) -> Result<PortId, Wrong> {
@@ -110,6 +121,7 @@ fn destination(settings: &Settings, word: Word) -> Result<Destination, Wrong> {
 
 #[derive(Clone, Copy)]
 enum Key {
+    Role,
     Functions,
     ReadOnly,
     All,
@@ -124,6 +136,7 @@ enum Key {
 }
 
 const KEYS: &[(&str, Key)] = &[
+    ("role", Key::Role),
     ("readonly", Key::ReadOnly),
     ("all", Key::All),
     ("functions", Key::Functions),
@@ -164,13 +177,16 @@ pub(crate) fn keywords(each: &mut dyn FnMut(&'static str)) {
     MERGES.iter().for_each(|&(keyword, _)| each(keyword));
 }
 
-fn options(words: &Words) -> Result<Policy, Wrong> {
-    let mut policy = Policy::default();
+fn options(words: &Words, has_roles: bool) -> Result<(ClientRole, Policy), Wrong> {
+    let (mut role, mut policy) = (ClientRole::NONE, Policy::default());
     let mut seen = 0_u16;
     while !words.peek().is_end() {
         let word = words.take();
         let key = word.keyword(KEYS, OPTIONS_EXPECTED)?;
         match key {
+            Key::Role if !TLS => return Err(word.error(Problem::NoTls)),
+            Key::Role if !has_roles => return Err(word.error(Problem::NoRoles)),
+            Key::Role => role = client_role(words.take())?,
             Key::ReadOnly => policy.functions = Functions::READ_ONLY,
             Key::All => policy.functions = Functions::ALL,
             Key::Functions => policy.functions = function_list(words)?,
@@ -190,7 +206,13 @@ fn options(words: &Words) -> Result<Policy, Wrong> {
         }
         seen |= 1 << thing as u8;
     }
-    Ok(policy)
+    Ok((role, policy))
+}
+
+/// The role in clients' certificates.
+pub(crate) fn client_role(word: Word) -> Result<ClientRole, Wrong> {
+    let expected = "the role in clients' certificates: at most 31 visible characters without , and \"";
+    ClientRole::new(word.text).ok_or_else(|| word.expected(expected))
 }
 
 /// `on`, `off`, `adjacent`, or `near 8`.

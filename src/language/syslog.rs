@@ -3,32 +3,32 @@
 use core::fmt::{self, Display};
 
 // As what uses them.
-#[cfg(feature = "users")]
+#[cfg(feature = "audit")]
 use super::{
     changed::Changed,
     port_values::server_address,
     words::{Words, Wrong},
 };
-#[cfg(feature = "users")] // As above.
+#[cfg(feature = "audit")] // As above.
 use crate::settings::Settings;
 use crate::settings::{Syslog, Transport};
 
 /// The port of syslog by UDP (RFC 5426 3.3), and the usual one by TCP.
-#[cfg(feature = "users")] // As above.
+#[cfg(feature = "audit")] // As above.
 const SYSLOG_PORT: u16 = 514;
 
 const TRANSPORTS: &[(&str, Transport)] = &[("udp", Transport::Udp), ("tcp", Transport::Tcp)];
 
 /// The keywords of the line.
-// Without users there is no such line.
-#[cfg(feature = "users")]
+// Without an audit trail there is no such line.
+#[cfg(feature = "audit")]
 pub(crate) fn keywords() -> impl Iterator<Item = &'static str> {
     TRANSPORTS.iter().map(|(word, _)| *word).chain(["off"])
 }
 
 /// `syslog ...`
 // As above.
-#[cfg(feature = "users")]
+#[cfg(feature = "audit")]
 pub(crate) fn syslog(settings: &mut Settings, words: &Words<'_>) -> Result<Changed, Wrong> {
     let mut word = words.take();
     let syslog = if word.is("off") {

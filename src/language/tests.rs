@@ -1,9 +1,14 @@
 //! The line language as its users meet it: what is accepted, and what each error says.
 
-// Only a gateway that was built without them has none.
+// Only a gateway that was built with them has certificates.
+#[cfg(feature = "tls")]
+mod certificates;
 mod network;
+// And only one that was built without them has none.
 #[cfg(not(feature = "points"))]
 mod no_points;
+#[cfg(not(feature = "tls"))]
+mod no_tls;
 mod properties;
 mod rules;
 mod texts;

@@ -10,7 +10,8 @@ use super::problem::Problem;
 use super::values::named;
 use super::words::{Word, Words, Wrong};
 use crate::settings::{
-    Name, PUBLIC_KEY_BYTES, PasswordHash, PublicKey, Role, SSH, Settings, USER_KEYS_MAX, USERS_MAX, User,
+    Name, PATHS, PUBLIC_KEY_BYTES, PasswordHash, PublicKey, Role, SSH, Settings, USER_KEYS_MAX, USERS_MAX,
+    User,
 };
 
 pub(crate) const ROLES: &[(&str, Role)] =
@@ -23,7 +24,8 @@ pub(crate) const KEY_TYPE: &str = "ssh-ed25519";
 const KEY_BEGIN: &str = "AAAAC3NzaC1lZDI1NTE5AAAAI";
 
 /// Limits of Argon2's parameters: a hash from elsewhere must not take the gateway's memory or time.
-const MEMORY_KIB_MAX: u32 = 262_144;
+/// Boards have this memory for it and no other.
+const MEMORY_KIB_MAX: u32 = if PATHS { 262_144 } else { 32 };
 const PASSES_MAX: u32 = 16;
 const LANES_MAX: u32 = 16;
 

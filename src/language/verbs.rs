@@ -4,9 +4,12 @@
 
 use super::changes::{self, Change, option_words};
 // As its verb.
-#[cfg(feature = "users")]
-use super::syslog;
-use super::{mdns, own_network, point_words, servers, slaves, users};
+#[cfg(feature = "tls")]
+use super::certificates;
+use super::{mdns, own_network, point_words, servers, slaves, users, verb_help};
+// As its verb.
+#[cfg(feature = "audit")]
+use super::{ntp, syslog};
 use crate::scanner::POINTS;
 use crate::settings::{Role, SERVERS, SSH, USERS};
 
@@ -46,6 +49,9 @@ pub(crate) enum Offer {
     Devices,
     Points,
     Users,
+    // Images without TLS have none.
+    #[cfg(feature = "tls")]
+    Certificates,
 }
 
 /// A part of the gateway that some images lack.
@@ -54,6 +60,9 @@ pub(crate) enum Lack {
     Points,
     Servers,
     Users,
+    // Those with TLS do not lack it.
+    #[cfg_attr(feature = "tls", allow(dead_code))]
+    Tls,
 }
 
 impl<Run: Copy> Verb<Run> {
@@ -102,7 +111,7 @@ const ROUTE: &[Offer] = &[Offer::Words(&["route"])];
 const NETWORK: &[Offer] = &[Offer::Each(|each| own_network::keywords().for_each(each))];
 const MDNS: &[Offer] = &[Offer::Each(|each| mdns::keywords().for_each(each))];
 // As its verb.
-#[cfg(feature = "users")]
+#[cfg(feature = "audit")]
 const SYSLOG: &[Offer] = &[Offer::Each(|each| syslog::keywords().for_each(each))];
 const USERS_OFFERED: &[Offer] = &[Offer::Users];
 const ROLES_OFFERED: &[Offer] = &[Offer::Words(if SSH {
@@ -112,66 +121,6 @@ const ROLES_OFFERED: &[Offer] = &[Offer::Words(if SSH {
 })];
 const THINGS: &[Offer] = &[Offer::Each(|each| changes::things().for_each(each))];
 
-/// The text of a line of help, if the image has the feature: others have no word of it.
-macro_rules! help_with {
-    ($feature:literal, $name:ident: $text:literal) => {
-        #[cfg(feature = $feature)]
-        macro_rules! $name {
-            () => {
-                $text
-            };
-        }
-        // As above.
-        #[cfg(not(feature = $feature))]
-        macro_rules! $name {
-            () => {
-                ""
-            };
-        }
-    };
-}
-help_with!("web", http_help: "port NAME http server [ADDRESS:]PORT [OPTION]...\tthe web interface\n");
-help_with!("web", http_options: "  http server: allow PREFIX,...|*, cleartext: log in from other machines\n");
-help_with!("ssh", ssh_help: "port NAME ssh server [ADDRESS:]PORT [OPTION]...\tthe console by SSH\n");
-
-const PORT: &str = concat!(
-    "port NAME KIND ...\tadds a port, or replaces the one of that name
-port NAME serial DEVICE rtu|ascii client|server [BAUD] [FORMAT] [OPTION]...
-port NAME tcp|udp server [ADDRESS:]PORT [OPTION]...
-port NAME tcp client ADDRESS[:PORT] [OPTION]...\tone server
-port NAME tcp client [OPTION]...\tmany servers: see help server
-",
-    http_help!(),
-    ssh_help!(),
-    "port NAME scanner\tpolls the devices of data points, by the
-\trules for its name
-port NAME ethercat [OPTION]...\tthe gateway as an EtherCAT SubDevice
-  serial:     19200 8E1 (ascii 7E1), gap T|auto, char-timeout T|auto,
-              echo|no-echo, rs232|rs485|rts;
-              with rs485 or rts: driver-before T, driver-after T
-    client:   timeout T, retries N, turnaround T, start-delay T,
-              late-window T|auto, down-after N, proof ...
-    server:   answer-within T, reply-delay T
-  tcp client: rtu, in-flight N, timeout T, connect-timeout T, connect-delay T,
-              request-delay T, idle T, retries N, late-window T|auto,
-              down-after N; one server: unit N;
-              many servers: sockets N (connections at a time)
-  tcp server: rtu, clients N, idle T, pipeline N, lifetime T,
-              full displace|refuse, reserve N for PREFIX[,PREFIX]...,
-              allow PREFIX,...|*; capture: frames for Wireshark
-  udp server: pipeline N, requests N, lifetime T, allow PREFIX,...|*
-  servers:    broadcast|unit-255|reserved-units rules|off|local|replace N,
-              broadcast all, confirm-broadcast
-",
-    http_options!(),
-    "  ethercat:   interface NAME (on Linux: where a MainDevice is),
-              line PORT, on-loss hold|clear|stop, id N|alias,
-              modules|no-modules, emergencies|no-emergencies,
-              prove-outputs|no-prove-outputs
-  A time T has its unit: 750us, 1.75ms, 300ms, 1s, 2m.
-  port P1 serial uart1 rtu client 19200 8E1 timeout 300ms"
-);
-
 /// A verb of the settings, which engineers change.
 const fn verb(help: &'static str, run: Change) -> Verb<Change> {
     Verb::new(Role::Engineer, help, run)
@@ -179,29 +128,9 @@ const fn verb(help: &'static str, run: Change) -> Verb<Change> {
 
 /// The verbs of the settings.
 pub(crate) const VERBS: Verbs<Change> = &[
-    ("port", verb(PORT, changes::port).then(PORTS, PORTS_AND_OPTIONS)),
+    ("port", verb(verb_help::PORT, changes::port).then(PORTS, PORTS_AND_OPTIONS)),
     ("server", SERVER),
-    (
-        "route",
-        verb(
-            "route SOURCE UNITS IP TAG ...\tadds a rule; the first that matches decides
-route SOURCE UNITS IP TAG DESTINATION [OPTION]...
-  SOURCE: a port       UNITS: 7, 1-64 or *       IP: address, prefix or *
-  TAG: * keeps the unit id, +N or -N shifts it, =N sets it
-  DESTINATION: a port, local, discard (no response) or nopath (exception 0A)
-  OPTION: readonly|all|functions LIST, addresses RANGE, writes RANGE,
-          forbidden refuse|ignore, priority high|normal|low, urgent LIST,
-          merge on|off|adjacent|near N, cache T, cut auto|on|off
-  LIST: 3,4,16 or 1-6; 43/14 is the device identification alone.
-  addresses refuses what names no addresses, writes refuses what may write
-  anywhere (8, 21, 43, unknown); ignore answers 5, 6, 15, 16 as if done.
-  merge on: identical reads that wait are one transaction; adjacent: also
-  those that touch; near N: also those at most N addresses apart.
-  route P502 101-132 192.168.1.0/24 -100 P3 readonly priority high",
-            changes::add_route,
-        )
-        .then(PORTS, PORTS_AND_OPTIONS),
-    ),
+    ("route", verb(verb_help::ROUTE, changes::add_route).then(PORTS, PORTS_AND_OPTIONS)),
     (
         "device",
         verb(
@@ -272,23 +201,7 @@ edit route N ...\tputs another rule in place of rule N",
             .then(ROUTE, PORTS_AND_OPTIONS),
     ),
     ("move", verb("move route N M\tmakes rule N the rule M", changes::move_route).then(ROUTE, &[])),
-    (
-        "delete",
-        verb(
-            "delete port NAME\tremoves a line of the settings
-delete port NAME\ta port that no rule names
-delete server PORT unit UNITS
-delete route N
-delete routes\tall rules
-delete device NAME
-delete point NAME
-delete slave N
-delete slaves\tall of them
-delete user NAME",
-            changes::delete,
-        )
-        .then(THINGS, PORTS_AND_OPTIONS),
-    ),
+    ("delete", verb(verb_help::DELETE, changes::delete).then(THINGS, PORTS_AND_OPTIONS)),
     (
         "network",
         verb(
@@ -313,7 +226,7 @@ mdns off\tannounces nothing",
         .then(MDNS, MDNS),
     ),
     // Not `of_users`, whose refusal takes room in images without it.
-    #[cfg(feature = "users")]
+    #[cfg(feature = "audit")]
     (
         "syslog",
         verb(
@@ -326,6 +239,20 @@ syslog off\tsends it nowhere
         )
         .then(SYSLOG, &[]),
     ),
+    // As above.
+    #[cfg(feature = "audit")]
+    (
+        "ntp",
+        verb(
+            "ntp ADDRESS[:PORT]\tasks an NTP server for the time (SNTP),
+\twhich `show version` and the audit trail tell
+ntp off\tasks nobody
+  ntp 192.168.1.1",
+            ntp::ntp,
+        )
+        .then(&[Offer::Words(&["off"])], &[]),
+    ),
+    ("certificate", CERTIFICATE),
     ("user", verb(USER_HELP, users::user).then(USERS_OFFERED, ROLES_OFFERED).of_users(changes::absent)),
 ];
 
@@ -344,6 +271,25 @@ user NAME key ssh-ed25519 KEY\ta public key for SSH; delete user NAME key ...
   The local console needs none, and its users are engineers.
   user anna role operator"
 };
+
+#[cfg(not(feature = "tls"))] // Its lines are refused.
+const CERTIFICATE: Verb<Change> =
+    Verb { lacks: Some(Lack::Tls), ..verb("this board has no TLS", changes::absent) };
+#[cfg(feature = "tls")] // As above.
+const CERTIFICATE: Verb<Change> = verb(
+    "certificate NAME own|clients|servers FILE ...\tcertificates of ports with tls
+certificate NAME own FILE key FILE\tthe gateway's own, and its private key
+certificate NAME clients FILE [revoked FILE]\tauthorities of clients
+certificate NAME servers FILE [revoked FILE]\tauthorities of servers, or the
+\tcertificate of a server itself
+  The files are PEM, with paths from the root; revoked: a CRL. They are read
+  again when they change. show certificates: whose they are, and until when.
+  certificate gateway own /etc/mobgate/tls/gw.pem key /etc/mobgate/tls/gw.key
+  certificate plant clients /etc/mobgate/tls/plant.pem
+  port secure tcp server 802 tls",
+    certificates::certificate,
+)
+.then(&[Offer::Certificates], &[Offer::Each(|each| certificates::keywords().for_each(each))]);
 
 const SERVER: Verb<Change> = match SERVERS {
     true => verb(

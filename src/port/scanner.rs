@@ -68,7 +68,7 @@ impl Port<'_, '_> {
     }
 
     /// Polls the devices forever.
-    async fn run(&self) {
+    async fn run(&self) -> ! {
         self.port_state.set_status(self.status);
         loop {
             let due = if self.send() {

@@ -2,7 +2,7 @@
 
 use crate::modbus::pdu::addresses_end;
 use crate::modbus::pdu::function::ENCAPSULATED_INTERFACE;
-use crate::routing::{meaning, rule};
+use crate::routing::{Client, meaning, rule};
 use crate::settings::{
     Cut, Destination, Driver, Lane, Policy, PortId, PortKind, SerialSettings, Settings, Special,
 };
@@ -26,7 +26,7 @@ pub fn onward(settings: &Settings, source: PortId, unit: u8, so_far: &[u8], auto
         Special::Replace(unit) => unit,
         Special::Off | Special::Local | Special::AllLines => return Onward::Whole,
     };
-    let Some(rule) = rule(settings, source, unit, None) else { return Onward::Whole };
+    let Some(rule) = rule(settings, source, unit, Client::at(None)) else { return Onward::Whole };
     let line = |port| settings.port(port).and_then(|port| passing_line(&port.kind));
     let Destination::Port(destination) = rule.destination else { return Onward::Whole };
     let lines = line(source).and(line(destination));

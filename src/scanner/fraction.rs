@@ -268,21 +268,9 @@ mod tests {
 
     #[test]
     fn what_is_no_number_is_refused() {
-        for text in [
-            "",
-            "-",
-            ".",
-            "e5",
-            "1e",
-            "1.5.2",
-            "0x10",
-            "1,5",
-            "--1",
-            "1e1000",
-            "1e-1000",
-            "1e1000000000000",
-            "infinite",
-        ] {
+        for text in
+            ",-,.,e5,1e,1.5.2,0x10,--1,1e1000,1e-1000,1e1000000000000,infinite".split(',').chain(["1,5"])
+        {
             assert_eq!(parse(text), None, "{text}");
         }
     }
@@ -290,26 +278,9 @@ mod tests {
     #[test]
     fn texts_are_read_as_the_nearest_number() {
         let middle = "16777217";
-        for text in [
-            "1.5",
-            "+.5",
-            "5.",
-            "-2e-3",
-            "1E3",
-            "0",
-            "-0.0",
-            "inf",
-            "-Infinity",
-            "1e40",
-            "1e-60",
-            "1e999",
-            "0e50",
-            "16777219",
-            "16777217.0",
-            "-1e-999",
-            "3.4028236e38",
-            middle,
-        ] {
+        let texts = "1.5 +.5 5. -2e-3 1E3 0 -0.0 inf -Infinity 1e40 1e-60 1e999 0e50 16777219 16777217.0 \
+                     -1e-999 3.4028236e38";
+        for text in texts.split(' ').chain([middle]) {
             assert_eq!(parse(text).map(f32::to_bits), text.parse::<f32>().ok().map(f32::to_bits), "{text}");
         }
         assert!(parse("nan").is_some_and(f32::is_nan));
@@ -342,18 +313,8 @@ mod tests {
 
     #[test]
     fn texts_beyond_the_largest_and_the_smallest_number_are_infinite_and_0() {
-        for text in [
-            "3.4e38",
-            "3.4028235e38",
-            "3.40282357e38",
-            "5e38",
-            "9.99e38",
-            "1e39",
-            "99e38",
-            "1e41",
-            "1e-46",
-            "7e-46",
-        ] {
+        let texts = "3.4e38 3.4028235e38 3.40282357e38 5e38 9.99e38 1e39 99e38 1e41 1e-46 7e-46";
+        for text in texts.split(' ') {
             check_text(text);
         }
         for zeros in [30, 37, 38, 39, 40, 45, 46, 130, 300] {

@@ -11,7 +11,7 @@ pub(crate) const INTERFACE_BYTES_MAX: usize = 15;
 pub type InterfaceName = String<INTERFACE_BYTES_MAX>;
 
 /// Settings of the EtherCAT port.
-#[derive(Debug, Clone, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub struct EthercatSettings {
     /// The network interface at which the gateway is a SubDevice; `None` on boards with a controller chip.
     pub interface: Option<InterfaceName>,
@@ -27,6 +27,34 @@ pub struct EthercatSettings {
     pub emergencies: bool,
     /// The SubDevice is a modular one (ETG.5001): each slave is a module in a slot, with typed values.
     pub modules: bool,
+    /// No value where there is no EtherCAT: the compiler leaves out what is done with these settings.
+    pub(crate) exists: Exists,
+}
+
+// See `EthercatSettings::exists`; also below.
+#[cfg(feature = "points")]
+type Exists = ();
+#[cfg(feature = "points")] // As above.
+const EXISTS: Option<Exists> = Some(());
+#[cfg(not(feature = "points"))] // As above.
+type Exists = core::convert::Infallible;
+#[cfg(not(feature = "points"))] // As above.
+const EXISTS: Option<Exists> = None;
+
+impl EthercatSettings {
+    /// The defaults, in an image with EtherCAT.
+    pub(crate) fn new() -> Option<Self> {
+        EXISTS.map(|exists| Self {
+            interface: None,
+            on_loss: OnLoss::Stop,
+            line: None,
+            prove_outputs: false,
+            id: None,
+            emergencies: false,
+            modules: false,
+            exists,
+        })
+    }
 }
 
 /// Handling of the devices' outputs when the MainDevice leaves Op, or its watchdog expires.

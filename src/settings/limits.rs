@@ -15,7 +15,7 @@ pub const NAME_BYTES_MAX: usize = 15;
 /// Boards have short UART names.
 pub const DEVICE_BYTES_MAX: usize = if PATHS { 255 } else { 15 };
 
-const PATHS: bool = cfg!(feature = "paths");
+pub(crate) const PATHS: bool = cfg!(feature = "paths");
 
 /// Address prefixes in one list.
 pub const RESERVED_MAX: usize = 4;

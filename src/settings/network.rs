@@ -5,6 +5,9 @@ use core::net::IpAddr;
 use embassy_time::Duration;
 use heapless::Vec;
 
+// As the field.
+#[cfg(feature = "tls")]
+use crate::settings::TlsSettings;
 use crate::settings::{Allowed, Prefixes, Proofs, SOCKETS_MAX, SSH, ServerAddress};
 
 /// TCP port number of Modbus (Messaging on TCP/IP 4.3.1.1).
@@ -47,8 +50,8 @@ pub const UDP_REQUESTS_MAX: usize = 32;
 /// Default number of clients of a TCP server: the board's number of connections.
 pub(super) const CLIENTS_DEFAULT: u16 = if cfg!(feature = "eight-clients") { 8 } else { 16 };
 
-/// Default number of clients of an SSH server: sessions, and as many who log in.
-const SSH_CLIENTS: u16 = 16;
+/// Default number of clients of an SSH server: a host's sessions, and as many who log in. Boards have fewer connections.
+const SSH_CLIENTS: u16 = if cfg!(feature = "paths") { 16 } else { 4 };
 
 /// A listener for Modbus TCP clients.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -73,6 +76,10 @@ pub struct TcpServerSettings {
     pub reserved_for: Prefixes,
     /// Peers that may connect; others are disconnected at once. Empty: everybody (Messaging on TCP/IP 4.2.3, restricted mode).
     pub allowed: Allowed,
+    /// Modbus/TCP Security: clients must show certificates.
+    // Images without TLS have no word of it.
+    #[cfg(feature = "tls")]
+    pub tls: TlsSettings,
 }
 
 impl TcpServerSettings {
@@ -90,10 +97,13 @@ impl TcpServerSettings {
             refuses: false,
             reserved_for: Vec::new(),
             allowed: Allowed::everybody(),
+            // As the field.
+            #[cfg(feature = "tls")]
+            tls: TlsSettings::OFF,
         }
     }
 
-    /// An SSH server at `listen` with the defaults: 16 clients.
+    /// An SSH server at `listen` with the defaults: 16 clients, 4 on boards.
     pub(crate) fn ssh(listen: TcpListen) -> Self {
         Self { listen, framing: StreamFraming::Ssh, clients: SSH_CLIENTS, ..Self::new(listen.port) }
     }
@@ -174,6 +184,10 @@ pub struct TcpClientSettings {
     pub down_after: u8,
     /// How units are proved to be in step; with RTU over TCP.
     pub proofs: Proofs,
+    /// Modbus/TCP Security: servers must show certificates.
+    // Images without TLS have no word of it.
+    #[cfg(feature = "tls")]
+    pub tls: TlsSettings,
 }
 
 impl TcpClientSettings {
@@ -195,6 +209,9 @@ impl TcpClientSettings {
             late_window: None,
             down_after: 3,
             proofs: Proofs::default(),
+            // As the field.
+            #[cfg(feature = "tls")]
+            tls: TlsSettings::OFF,
         }
     }
 

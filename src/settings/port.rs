@@ -3,6 +3,9 @@
 // As the variant.
 #[cfg(feature = "web")]
 use crate::settings::Allowed;
+// As what returns it.
+#[cfg(feature = "tls")]
+use crate::settings::TlsSettings;
 use crate::settings::{
     EthercatSettings, Name, SerialSettings, Side, TcpClientSettings, TcpListen, TcpServerSettings,
     UdpServerSettings,
@@ -111,6 +114,27 @@ impl PortKind {
     /// Whether clients of this port have an IP address.
     pub const fn has_peers(&self) -> bool {
         !matches!(self, Self::Serial(_) | Self::Scanner | Self::Ethercat(_))
+    }
+
+    /// The certificates, if the port speaks TLS.
+    // Images without TLS have no word of it.
+    #[cfg(feature = "tls")]
+    pub fn tls(&self) -> Option<&TlsSettings> {
+        let tls = match self {
+            Self::TcpServer(server) => &server.tls,
+            Self::TcpClient(client) => &client.tls,
+            _ => return None,
+        };
+        tls.on.then_some(tls)
+    }
+
+    /// Whether its clients may have roles.
+    pub(crate) fn has_roles(&self) -> bool {
+        // As above.
+        #[cfg(feature = "tls")]
+        return self.side() == Side::Server && self.tls().is_some();
+        #[cfg(not(feature = "tls"))] // As above.
+        false
     }
 
     /// Number of connections it needs: one per client, and one to accept newcomers.

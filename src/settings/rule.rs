@@ -2,7 +2,7 @@
 
 use core::net::IpAddr;
 
-use crate::settings::{IpPrefix, Policy, PortId};
+use crate::settings::{ClientRole, IpPrefix, Policy, PortId, TLS};
 
 /// One row of the routing table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -13,6 +13,8 @@ pub struct Route {
     pub units: UnitRange,
     /// The client's address; `None` is `*`, which also matches serial clients.
     pub peer: Option<IpPrefix>,
+    /// The role that the client's certificate must have; none: whatever it has.
+    pub role: ClientRole,
     /// Translation of the unit id.
     pub tag: Tag,
     /// Where the request goes.
@@ -81,7 +83,7 @@ pub enum Destination {
 }
 
 impl Route {
-    /// Whether the rule matches a request from `source` for `unit` by `peer` (`None` on serial ports).
+    /// Whether the rule matches a request from `source` for `unit` by `peer` (`None` on serial ports) in the right role.
     pub fn matches(&self, source: PortId, unit: u8, peer: Option<IpAddr>) -> bool {
         self.source == source && self.units.contains(unit) && self.is_for(peer)
     }
@@ -89,5 +91,10 @@ impl Route {
     /// Whether the rule matches `peer`, `None` on serial ports. A rule with an address does not match clients without one.
     pub(crate) fn is_for(&self, peer: Option<IpAddr>) -> bool {
         self.peer.is_none_or(|prefix| peer.is_some_and(|peer| prefix.contains(peer)))
+    }
+
+    /// Whether the rule is for clients whose role is `role`, which is only found out if the rule has one.
+    pub(crate) fn is_for_role(&self, role: &dyn Fn() -> ClientRole) -> bool {
+        !TLS || self.role.is_none() || self.role == role()
     }
 }

@@ -1,8 +1,11 @@
-//! The syslog server that gets the audit trail.
+//! The syslog server that gets the audit trail, and the NTP server for the time of its lines.
 
 use heapless::Vec;
 
-use crate::settings::{ServerAddress, USERS};
+use crate::settings::ServerAddress;
+
+/// Whether there is an audit trail. Without the feature `audit` the image has neither the code nor the memory for it.
+pub(crate) const AUDIT: bool = cfg!(feature = "audit");
 
 /// How messages travel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -22,5 +25,8 @@ pub struct Syslog {
     pub server: ServerAddress,
 }
 
-/// One server at most, and none in images without users, which have no audit trail.
-pub(crate) type Syslogs = Vec<Syslog, { USERS as usize }>;
+/// One server at most, and none in images without an audit trail.
+pub(crate) type Syslogs = Vec<Syslog, { AUDIT as usize }>;
+
+/// The NTP server likewise.
+pub(crate) type NtpServers = Vec<ServerAddress, { AUDIT as usize }>;

@@ -4,9 +4,10 @@ use heapless::Vec;
 
 use crate::scanner::{DEVICES_MAX, POINTS};
 use crate::settings::{
-    Destination, DeviceSettings, Mdns, OwnNetwork, POINTS_MAX, PORTS_MAX, PointSettings, Port, PortId,
-    PortKind, ROUTES_MAX, Route, SERVERS, SERVERS_MAX, SLAVES_MAX, ServerSettings, SlaveSettings, Syslog,
-    Syslogs, TcpServerSettings, USERS, User, Users,
+    AUDIT, Certificate, Certificates, Destination, DeviceSettings, Mdns, NtpServers, OwnNetwork, POINTS_MAX,
+    PORTS_MAX, PointSettings, Port, PortId, PortKind, ROUTES_MAX, Route, SERVERS, SERVERS_MAX, SLAVES_MAX,
+    ServerAddress, ServerSettings, SlaveSettings, Syslog, Syslogs, TLS, TcpServerSettings, USERS, User,
+    Users,
 };
 
 /// Everything that `save` stores and `show config` prints.
@@ -18,6 +19,10 @@ pub struct Settings {
     pub mdns: Mdns,
     /// Where the audit trail is sent.
     pub(crate) syslog: Syslogs,
+    /// Who is asked for the time.
+    pub(crate) ntp: NtpServers,
+    /// The certificates of ports with TLS.
+    pub(crate) certificates: Certificates,
     /// The ports; a port keeps its index when others are added or deleted.
     pub ports: [Option<Port>; PORTS_MAX],
     /// The servers of TCP clients that have several.
@@ -41,6 +46,8 @@ impl Settings {
             network: None,
             mdns: Mdns::DEFAULT,
             syslog: Vec::new(),
+            ntp: Vec::new(),
+            certificates: Vec::new(),
             ports: [const { None }; PORTS_MAX],
             servers: Vec::new(),
             routes: Vec::new(),
@@ -56,6 +63,8 @@ impl Settings {
         self.network = None;
         self.mdns = Mdns::DEFAULT;
         self.syslog.clear();
+        self.ntp.clear();
+        self.certificates.clear();
         self.ports.iter_mut().for_each(|port| *port = None);
         self.servers.clear();
         self.routes.clear();
@@ -73,6 +82,16 @@ impl Settings {
     /// Where the audit trail is sent, if anywhere.
     pub fn syslog(&self) -> Option<&Syslog> {
         self.syslog.first()
+    }
+
+    /// Who is asked for the time, if anybody.
+    pub fn ntp(&self) -> Option<&ServerAddress> {
+        self.ntp.first()
+    }
+
+    /// The certificates of ports with TLS.
+    pub fn certificates(&self) -> &[Certificate] {
+        &self.certificates
     }
 
     /// The port at `id`.
@@ -154,7 +173,8 @@ impl Clone for Settings {
 
     /// Copies field by field: the whole is too large for the stack of a small board.
     fn clone_from(&mut self, source: &Self) {
-        let Self { network, mdns, syslog, ports, servers, routes, devices, points, slaves, users } = source;
+        let Self { network, mdns, syslog, ntp, certificates, .. } = source;
+        let Self { ports, servers, routes, devices, points, slaves, users, .. } = source;
         self.network.clone_from(network);
         self.mdns.clone_from(mdns);
         self.ports.clone_from_slice(ports);
@@ -169,7 +189,13 @@ impl Clone for Settings {
         }
         if USERS {
             copy_list(&mut self.users, users);
+        }
+        if AUDIT {
             copy_list(&mut self.syslog, syslog);
+            copy_list(&mut self.ntp, ntp);
+        }
+        if TLS {
+            copy_list(&mut self.certificates, certificates);
         }
     }
 }

@@ -1,5 +1,8 @@
 //! The task of a TCP connection: serves one client after another for its TCP server.
 
+use core::convert::Infallible;
+use core::future::pending;
+
 use embassy_futures::select::select;
 
 use crate::gateway::Gateway;
@@ -9,10 +12,10 @@ use crate::port::server::tcp::{self, Terms};
 impl Gateway<'_> {
     /// The task of connection `index`: serves one TCP client after another, forever. Not an `async fn`, which would store its
     /// arguments twice per connection.
-    pub fn run_connection<H: TcpHost>(&self, index: usize, host: &mut H) -> impl Future<Output = ()> {
+    pub fn run_connection<H: TcpHost>(&self, index: usize, host: &mut H) -> impl Future<Output = Infallible> {
         let connection = self.connections().get(index);
         async move {
-            let Some(connection) = connection else { return };
+            let Some(connection) = connection else { return pending().await };
             loop {
                 let served = connection.state().port.and_then(|id| {
                     let terms = self.settings(|settings| settings.tcp_server(id).map(Terms::of))?;

@@ -1,5 +1,7 @@
 //! The port task: runs the port's configured role, and restarts it when the settings change.
 
+use core::convert::Infallible;
+use core::future::pending;
 use core::pin::pin;
 
 use embassy_futures::select::select;
@@ -23,10 +25,10 @@ impl Gateway<'_> {
         lines: &mut H,
         connector: &C,
         datagrams: &mut U,
-    ) -> impl Future<Output = ()> {
+    ) -> impl Future<Output = Infallible> {
         let at = self.port_state(id);
         async move {
-            let Some(at) = at else { return };
+            let Some(at) = at else { return pending().await };
             let port_state = at.state();
             loop {
                 let mut kind = self.settings(|settings| settings.port(id).cloned()).map(|port| port.kind);
@@ -92,18 +94,16 @@ async fn play<H: SerialHost, C: TcpConnect>(
     kind: Option<&PortKind>,
     lines: &mut H,
     connector: &C,
-) {
+) -> ! {
     match kind {
-        Some(PortKind::Serial(settings)) => {
-            client::serial::run(dispatcher, settings, lines).await;
-        }
+        Some(PortKind::Serial(settings)) => client::serial::run(dispatcher, settings, lines).await,
         Some(PortKind::TcpClient(settings)) => {
-            outlined(pin!(client::tcp::run(dispatcher, settings, connector))).await;
+            outlined(pin!(client::tcp::run(dispatcher, settings, connector))).await
         }
         // Served by other tasks, or no port.
         _ => {
             dispatcher.close();
-            core::future::pending().await
+            pending().await
         }
     }
 }

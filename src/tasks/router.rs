@@ -15,13 +15,13 @@ use crate::modbus::Exception;
 use crate::modbus::pdu::{self, EXCEPTION_BIT};
 use crate::port::local;
 use crate::routing;
-use crate::routing::Decision;
-use crate::settings::{PortId, USERS};
+use crate::routing::{Client, Decision};
+use crate::settings::{AUDIT, PortId};
 use crate::stats::{Event, LogEntry, Outcome};
 
 impl Gateway<'_> {
-    /// The routing task.
-    pub async fn route(&self) {
+    /// The routing task, which never ends.
+    pub async fn route(&self) -> ! {
         loop {
             let frame = self.inbox.receive(self.pool()).await;
             let (stage, origin) = frame.read(|envelope| (envelope.stage, envelope.origin));
@@ -44,7 +44,8 @@ impl Gateway<'_> {
         let port = origin.port;
         let (unit, peer) = frame.read(|envelope| (envelope.unit, envelope.peer));
         let decision = frame.pdu(|request| {
-            let decide = |settings: &_| routing::decide(settings, port, unit, peer, request);
+            let client = Client { peer, role: &|| self.client_role(origin) };
+            let decide = |settings: &_| routing::decide(settings, port, unit, client, request);
             Some(self.settings(decide))
         });
         let decision = decision.unwrap_or(Decision::Refuse(Exception::ILLEGAL_VALUE));
@@ -72,13 +73,7 @@ impl Gateway<'_> {
                 count(Event::Discarded);
                 self.unanswered(frame);
             }
-            Decision::Refuse(exception) => {
-                let no_path = exception == Exception::GATEWAY_NO_PATH;
-                count(if no_path { Event::NoPath } else { Event::Refused });
-                self.audit_denied(&frame, exception, unit, peer);
-                frame.blame(Cause::Unsent);
-                self.refuse(frame, exception);
-            }
+            Decision::Refuse(exception) => self.deny(frame, exception, unit, peer),
             Decision::Ignore { broadcast } => {
                 count(Event::Ignored);
                 self.audit_denied(&frame, Exception::ILLEGAL_FUNCTION, unit, peer);
@@ -98,9 +93,18 @@ impl Gateway<'_> {
         }
     }
 
+    /// Refuses a request of `peer` to `unit` by the rules.
+    fn deny(&self, frame: Frame<'_>, exception: Exception, unit: u8, peer: Option<IpAddr>) {
+        let no_path = exception == Exception::GATEWAY_NO_PATH;
+        self.count_at(frame.origin().port, if no_path { Event::NoPath } else { Event::Refused });
+        self.audit_denied(&frame, exception, unit, peer);
+        frame.blame(Cause::Unsent);
+        self.refuse(frame, exception);
+    }
+
     /// Writes about a write that a rule forbids.
     fn audit_denied(&self, frame: &Frame<'_>, exception: Exception, unit: u8, peer: Option<IpAddr>) {
-        if !USERS || exception == Exception::GATEWAY_NO_PATH || frame.pdu(pdu::is_read) {
+        if !AUDIT || exception == Exception::GATEWAY_NO_PATH || frame.pdu(pdu::is_read) {
             return;
         }
         let (port, function) = (frame.origin().port, frame.function());
@@ -114,10 +118,11 @@ impl Gateway<'_> {
         let envelope = frame.envelope();
         let origin = envelope.origin;
         let request = frame.content();
+        let client = Client { peer: envelope.peer, role: &|| self.client_role(origin) };
         let mut lines = 0;
         for (index, port_state) in self.ports().iter().enumerate() {
             let port = PortId(index as u8);
-            let rank = |settings: &_| routing::leads_to(settings, origin.port, envelope.peer, &request, port);
+            let rank = |settings: &_| routing::leads_to(settings, origin.port, client, &request, port);
             let Some(priority) = self.settings(rank) else { continue };
             // Copies use shared frames only: a flood of broadcasts must not exhaust the reserved ones.
             let origin = Origin { reply_to: ReplyTo::Nobody, ..origin };
@@ -130,6 +135,11 @@ impl Gateway<'_> {
             lines += 1;
         }
         if lines == 0 {
+            let of_wrong_role =
+                self.settings(|settings| routing::is_of_wrong_role(settings, origin.port, client));
+            if of_wrong_role {
+                return self.deny(frame, Exception::ILLEGAL_FUNCTION, envelope.unit, envelope.peer);
+            }
             self.count_at(origin.port, Event::NoPath);
             return self.refuse(frame, Exception::GATEWAY_NO_PATH);
         }

@@ -1,4 +1,4 @@
-//! What a request gets: a status, and a short text or a stream of pieces, which are made when they are sent.
+//! The answer to a request: a status, and a short text or a stream of pieces, which are produced while they are sent.
 
 use core::fmt::{self, Display, Write as _};
 
@@ -10,11 +10,13 @@ use picoserve::io::{Read, Write};
 use picoserve::response::chunked::{ChunkWriter, ChunkedResponse, Chunks, ChunksWritten};
 use picoserve::response::{Connection, IntoResponse, Response, ResponseWriter, StatusCode};
 
+use super::job;
 use super::json::Quoted;
+use super::page::File;
 use super::piece::{Piece, Source};
 use super::session;
 use super::status::Status;
-use crate::console::access;
+use crate::console::access::{self, Running};
 use crate::console::diff::restarting;
 use crate::gateway::difference::Difference;
 use crate::gateway::web::Token;
@@ -31,26 +33,39 @@ const LIVE_PAUSE: Duration = Duration::from_secs(1);
 
 const FULL: &str = "as many as can be have live values: later, or GET /api/v1/status";
 
-/// Sent with each answer: nobody stores it, and no page shows it.
+/// Sent with each answer: it must be neither cached nor framed.
 const HEADERS: &[(&str, &str)] = &[
     ("Cache-Control", "no-store"),
     ("X-Content-Type-Options", "nosniff"),
     ("Content-Security-Policy", "default-src 'none'; frame-ancestors 'none'"),
 ];
 
+/// Sent with each file of the page: it runs its own scripts only, and is no part of another page. A browser asks whether it has changed.
+const FILE_HEADERS: &[(&str, &str)] = &[
+    ("Cache-Control", "no-cache"),
+    ("X-Content-Type-Options", "nosniff"),
+    ("Referrer-Policy", "no-referrer"),
+    (
+        "Content-Security-Policy",
+        "default-src 'self'; base-uri 'none'; form-action 'self'; object-src 'none'; frame-ancestors 'none'",
+    ),
+];
+
 /// The answer to a request.
-pub(super) struct Answer {
+pub(super) struct Answer<'s, 'g> {
     status: u16,
     header: Option<(&'static str, String<128>)>,
-    content: Content,
+    content: Content<'s, 'g>,
 }
 
 /// Its content.
 // One at a time.
 #[allow(clippy::large_enum_variant)]
-pub(super) enum Content {
+pub(super) enum Content<'s, 'g> {
     Nothing,
     Json(Text),
+    /// A file of the page, which its browser has or not.
+    File(&'static File, bool),
     Status(Status),
     /// The status as events, until the session ends.
     Live(Status, Token),
@@ -62,6 +77,10 @@ pub(super) enum Content {
     Diff(Difference, Part),
     /// The response of a unit.
     Values(access::Response, Part),
+    /// What a command writes.
+    Job(Running<'s, 'g>),
+    /// Frames as they come, until the session ends.
+    Frames(Token),
 }
 
 /// How far an object has been written.
@@ -74,12 +93,12 @@ pub(super) enum Part {
     Over,
 }
 
-impl Answer {
-    pub(super) fn ok(content: Content) -> Self {
+impl<'s, 'g> Answer<'s, 'g> {
+    pub(super) fn ok(content: Content<'s, 'g>) -> Self {
         Self { status: 200, header: None, content }
     }
 
-    /// Done, and there is nothing to tell.
+    /// Done, without content.
     pub(super) fn done() -> Self {
         Self { status: 204, header: None, content: Content::Nothing }
     }
@@ -135,7 +154,7 @@ impl Answer {
         connection: Connection<'_, R>,
         writer: W,
     ) -> Result<ResponseSent, W::Error> {
-        let is_live = matches!(self.content, Content::Live(..));
+        let is_live = matches!(self.content, Content::Live(..) | Content::Frames(_));
         let held = is_live.then(|| source.gateway.web.hold());
         let Self { status, header, content } = match held {
             Some(None) => Self::error(409, &FULL),
@@ -152,6 +171,13 @@ impl Answer {
                 let response = Response::new(status, text.as_str()).with_content_type("application/json");
                 response.with_headers(HEADERS).with_headers(header).write_to(connection, writer).await
             }
+            Content::File(file, is_known) => {
+                let (status, bytes) =
+                    if is_known { (StatusCode::NOT_MODIFIED, &[][..]) } else { (status, file.bytes) };
+                let response = Response::new(status, bytes).with_content_type(file.kind);
+                let response = response.with_header("Content-Encoding", "gzip").with_header("ETag", file.tag);
+                response.with_headers(FILE_HEADERS).write_to(connection, writer).await
+            }
             content => {
                 let response = ChunkedResponse::new(Pieces { source, content }).into_response();
                 response.with_status_code(status).with_headers(HEADERS).write_to(connection, writer).await
@@ -161,47 +187,53 @@ impl Answer {
 }
 
 /// A stream of pieces.
-struct Pieces<'a, 'g> {
+struct Pieces<'a, 's, 'g> {
     source: Source<'a, 'g>,
-    content: Content,
+    content: Content<'s, 'g>,
 }
 
-impl Chunks for Pieces<'_, '_> {
+impl Chunks for Pieces<'_, '_, '_> {
     fn content_type(&self) -> &'static str {
         match self.content {
-            Content::Settings { .. } => "text/plain; charset=utf-8",
+            Content::Settings { .. } | Content::Job(_) => "text/plain; charset=utf-8",
+            Content::Frames(_) => "application/x-pcapng",
             Content::Live(..) => "text/event-stream",
             _ => "application/json",
         }
     }
 
     async fn write_chunks<W: Write>(mut self, mut writer: ChunkWriter<W>) -> Result<ChunksWritten, W::Error> {
+        match &mut self.content {
+            Content::Job(running) => job::run(&self.source, running, &mut writer).await?,
+            Content::Frames(token) => job::frames(&self.source, token, &mut writer).await?,
+            _ => {}
+        }
         let mut piece = Piece::new();
         // A piece that does not fit ends the answer, which its receiver finds incomplete.
         loop {
             while self.content.next(&self.source, &mut piece) == Ok(true) {
                 writer.write_chunk(piece.as_bytes()).await?;
                 piece.clear();
-                // Whoever else waits has a turn between two rows.
+                // Lets other tasks run between two rows.
                 yield_now().await;
             }
             let Content::Live(status, token) = &mut self.content else { break };
             Timer::after(LIVE_PAUSE).await;
-            // It is not used by that: it ends at its time.
+            // Live values do not prolong the session.
             if session::user(self.source.gateway, token, false).is_none() {
                 break;
             }
-            *status = Status::default();
+            *status = Status::new();
         }
         writer.finalize().await
     }
 }
 
-impl Content {
+impl Content<'_, '_> {
     /// Writes the next piece; `false`: there was none.
     fn next(&mut self, source: &Source<'_, '_>, out: &mut Piece) -> Result<bool, fmt::Error> {
         match self {
-            Self::Nothing | Self::Json(_) => Ok(false),
+            Self::Nothing | Self::Json(_) | Self::File(..) | Self::Job(_) | Self::Frames(_) => Ok(false),
             Self::Status(status) => status.next(source, out),
             Self::Live(status, ..) => {
                 // An event is a line: in JSON, line ends are escaped.

@@ -1,21 +1,24 @@
 //! The paths of the interface: who may call what. The table is the whole interface.
 
+use core::cell::Cell;
 use core::net::IpAddr;
 
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::mutex::Mutex;
-use embassy_time::Timer;
+use embassy_time::{Duration, Instant, Timer};
 use picoserve::ResponseSent;
 use picoserve::io::Read;
 use picoserve::request::{Path, Request, RequestBody, RequestParts};
 use picoserve::response::ResponseWriter;
 use picoserve::routing::PathRouterService;
 
-use super::answer::Answer;
+use super::answer::{Answer, Content};
 use super::guard::{self, Foreign};
+use super::page;
 use super::piece::Source;
 use super::session::{self, Shows};
-use crate::console::access::{self, Ask, Denied};
+use super::status::TableOf;
+use crate::console::access::{self, Ask, Denied, Show};
 use crate::gateway::Gateway;
 use crate::gateway::audit::{Actor, Topic};
 use crate::gateway::web::Token;
@@ -41,6 +44,20 @@ pub(super) enum Call {
     Confirm,
     RollBack,
     Direct(Ask),
+    /// Only these tables.
+    Tables(&'static [TableOf]),
+    /// The saved versions; one of them is made the candidate.
+    Versions,
+    BringBack,
+    Password,
+    Scan,
+    Tune,
+    /// Ends one of those.
+    Stop,
+    Explain,
+    /// Writes a data point.
+    Point,
+    Frames,
 }
 
 /// The kind of a request's body.
@@ -69,10 +86,25 @@ const ROUTES: &[Route] = &[
     ("/api/v1/settings/commit", "POST", Call::Commit, Takes::Json, Some("commit")),
     ("/api/v1/settings/confirm", "POST", Call::Confirm, Takes::Nothing, Some("commit")),
     ("/api/v1/settings/rollback", "POST", Call::RollBack, Takes::Nothing, Some("rollback")),
+    ("/api/v1/settings/versions", "GET", Call::Versions, Takes::Nothing, Some("versions")),
+    ("/api/v1/settings/versions", "POST", Call::BringBack, Takes::Json, Some("rollback")),
+    ("/api/v1/password", "POST", Call::Password, Takes::Json, Some("password")),
+    ("/api/v1/log", "GET", Call::Tables(&[("log", Some(Show::Transactions))]), Takes::Nothing, Some("show")),
+    ("/api/v1/audit", "GET", Call::Tables(&[("audit", Some(Show::Audit))]), Takes::Nothing, Some("password")),
+    ("/api/v1/users", "GET", Call::Tables(&[("users", Some(Show::Users))]), Takes::Nothing, Some("show")),
+    ("/api/v1/frames", "GET", Call::Frames, Takes::Nothing, Some("watch")),
+    ("/api/v1/scan", "POST", Call::Scan, Takes::Json, Some("scan")),
+    ("/api/v1/tune", "POST", Call::Tune, Takes::Json, Some("tune")),
+    ("/api/v1/stop", "POST", Call::Stop, Takes::Nothing, Some("scan")),
+    ("/api/v1/explain", "POST", Call::Explain, Takes::Json, Some("explain")),
+    ("/api/v1/point", "POST", Call::Point, Takes::Json, Some("write")),
     ("/api/v1/read", "POST", Call::Direct(Ask::Read), Takes::Json, Some("read")),
     ("/api/v1/write", "POST", Call::Direct(Ask::Write), Takes::Json, Some("write")),
     ("/api/v1/ping", "POST", Call::Direct(Ask::Ping), Takes::Json, Some("ping")),
 ];
+
+/// The longest scan, at all speeds, takes a quarter of an hour with the time-out that is usual, and hours with a long one.
+const WORK_MAX: Duration = Duration::from_secs(12 * 3_600);
 
 const CLEARTEXT: &str = "it is not encrypted: from this machine only, unless the port says cleartext";
 const LOG_IN: &str = "log in first: POST /api/v1/session with user and password";
@@ -87,6 +119,8 @@ pub(super) struct Api<'a, 'g, S, Y> {
     pub(super) peer: IpAddr,
     /// Whether other machines may use it.
     pub(super) cleartext: bool,
+    /// When the connection ends.
+    pub(super) end: &'a Cell<Instant>,
 }
 
 /// Who calls.
@@ -120,13 +154,21 @@ impl<S: Store, Y: System> PathRouterService for Api<'_, '_, S, Y> {
     }
 }
 
-impl<S: Store, Y: System> Api<'_, '_, S, Y> {
+impl<'a, 'g, S: Store, Y: System> Api<'a, 'g, S, Y> {
+    /// The connection stays for the longest work; whoever waits for it must take what is sent.
+    pub(super) fn takes_long(&self) {
+        self.end.set(Instant::now() + WORK_MAX);
+    }
+
     async fn answer<R: Read>(
         &self,
         path: &str,
         parts: &RequestParts<'_>,
         body: RequestBody<'_, R>,
-    ) -> Answer {
+    ) -> Answer<'a, 'g> {
+        if let Some(file) = page::find(path) {
+            return self.file(file, parts);
+        }
         let (call, takes, caller) = match self.admit(path, parts) {
             Ok(admitted) => admitted,
             Err(refusal) => return refusal,
@@ -149,8 +191,30 @@ impl<S: Store, Y: System> Api<'_, '_, S, Y> {
         }
     }
 
+    /// A file of the page. It may be opened from anywhere, but by a name of the gateway.
+    fn file(&self, file: &'static page::File, parts: &RequestParts<'_>) -> Answer<'a, 'g> {
+        let headers = parts.headers();
+        if let Err(why) = self.gateway.settings(|settings| guard::check_host(headers, settings).map(drop)) {
+            return foreign(why);
+        }
+        if !self.cleartext && !self.peer.is_loopback() {
+            return Answer::error(403, &CLEARTEXT);
+        }
+        if parts.method() != "GET" {
+            return Answer::error(405, &"this path has the method GET")
+                .with_header("Allow", format_args!("GET"));
+        }
+        let known = headers.get("if-none-match");
+        let is_known = known.is_some_and(|known| known.as_str().is_ok_and(|known| known.contains(file.tag)));
+        Answer::ok(Content::File(file, is_known))
+    }
+
     /// Finds what is called, and who calls: nobody who logs in. Or refuses.
-    fn admit(&self, path: &str, parts: &RequestParts<'_>) -> Result<(Call, Takes, Option<Caller>), Answer> {
+    fn admit(
+        &self,
+        path: &str,
+        parts: &RequestParts<'_>,
+    ) -> Result<(Call, Takes, Option<Caller>), Answer<'a, 'g>> {
         let headers = parts.headers();
         self.gateway.settings(|settings| guard::check(headers, settings)).map_err(foreign)?;
         if !self.cleartext && !self.peer.is_loopback() {
@@ -186,12 +250,12 @@ impl<S: Store, Y: System> Api<'_, '_, S, Y> {
     }
 }
 
-fn foreign(why: Foreign) -> Answer {
+fn foreign<'s, 'g>(why: Foreign) -> Answer<'s, 'g> {
     Answer::error(if why == Foreign::Host { 421 } else { 403 }, &why)
 }
 
 /// Another method is needed.
-fn not_allowed(path: &str) -> Answer {
+fn not_allowed<'s, 'g>(path: &str) -> Answer<'s, 'g> {
     let methods = || ROUTES.iter().filter(|(known, ..)| *known == path).map(|(_, method, ..)| *method);
     let mut allowed = heapless::String::<64>::new();
     // Sized for all methods.
@@ -206,7 +270,7 @@ fn not_allowed(path: &str) -> Answer {
 
 impl Takes {
     /// Checks how a body comes.
-    fn check(self, parts: &RequestParts<'_>, length: usize) -> Result<(), Answer> {
+    fn check<'s, 'g>(self, parts: &RequestParts<'_>, length: usize) -> Result<(), Answer<'s, 'g>> {
         if parts.headers().get("transfer-encoding").is_some() {
             return Err(Answer::error(411, &"a body needs its length: Content-Length"));
         }

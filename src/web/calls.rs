@@ -27,11 +27,11 @@ use crate::settings::Name;
 /// Fits each text of a body in which characters are escaped.
 const UNESCAPED_BYTES_MAX: usize = 256;
 /// Values of a write.
-const VALUES_MAX: usize = 128;
+pub(super) const VALUES_MAX: usize = 128;
 /// Fits the line of a request with so many values.
-type Line = String<4_096>;
+pub(super) type Line = String<4_096>;
 /// A word of such a line.
-type Word = String<32>;
+pub(super) type Word = String<32>;
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -68,7 +68,7 @@ struct Direct {
 }
 
 /// Reads a body.
-fn parse<T: DeserializeOwned>(body: &str) -> Result<T, Answer> {
+pub(super) fn parse<'s, 'g, T: DeserializeOwned>(body: &str) -> Result<T, Answer<'s, 'g>> {
     let wrong =
         |what: &dyn Display| Answer::error(400, &format_args!("the body is not as described: {what}"));
     let mut unescaped = [0; UNESCAPED_BYTES_MAX];
@@ -80,14 +80,14 @@ fn parse<T: DeserializeOwned>(body: &str) -> Result<T, Answer> {
     }
 }
 
-fn uncommitted(error: &Uncommitted) -> Answer {
+pub(super) fn uncommitted<'s, 'g>(error: &Uncommitted) -> Answer<'s, 'g> {
     Answer::error(if matches!(error, Uncommitted::Apply(_)) { 422 } else { 409 }, error)
 }
 
-impl<S: Store, Y: System> Api<'_, '_, S, Y> {
-    pub(super) async fn run(&self, call: Call, caller: &Caller, body: &str) -> Answer {
+impl<'a, 'g, S: Store, Y: System> Api<'a, 'g, S, Y> {
+    pub(super) async fn run(&self, call: Call, caller: &Caller, body: &str) -> Answer<'a, 'g> {
         match call {
-            // Nobody has logged in for it.
+            // A log-in needs no session.
             Call::LogIn => Answer::done(),
             Call::Session => {
                 let (user, role) = (Quoted(&caller.name), caller.role);
@@ -98,8 +98,13 @@ impl<S: Store, Y: System> Api<'_, '_, S, Y> {
                 let cookie = format_args!("{COOKIE}=; HttpOnly; SameSite=Strict; Path=/; Max-Age=0");
                 Answer::done().with_header("Set-Cookie", cookie)
             }
-            Call::Status => Answer::ok(Content::Status(Status::default())),
-            Call::Events => Answer::ok(Content::Live(Status::default(), caller.token)),
+            Call::Status => Answer::ok(Content::Status(Status::new())),
+            Call::Events => Answer::ok(Content::Live(Status::new(), caller.token)),
+            Call::Tables(tables) => Answer::ok(Content::Status(Status::of(tables))),
+            Call::Frames => {
+                self.takes_long();
+                Answer::ok(Content::Frames(caller.token))
+            }
             Call::Settings => Answer::ok(Content::Settings { candidate: false, line: 0 }),
             Call::Candidate => {
                 self.with_candidate(|| Answer::ok(Content::Settings { candidate: true, line: 0 }))
@@ -113,11 +118,19 @@ impl<S: Store, Y: System> Api<'_, '_, S, Y> {
             Call::Confirm => self.confirm(caller).await,
             Call::RollBack => self.roll_back(caller).await,
             Call::Direct(ask) => self.ask(caller, ask, body).await,
+            Call::Scan | Call::Tune | Call::Explain | Call::Point => self.command(call, caller, body).await,
+            Call::Stop => {
+                self.gateway.web.stop.signal(());
+                Answer::done()
+            }
+            Call::Versions => self.versions().await,
+            Call::BringBack => self.bring_back(caller, body).await,
+            Call::Password => self.password(caller, body).await,
         }
     }
 
     /// `POST /session`
-    pub(super) async fn log_in(&self, body: &str) -> Answer {
+    pub(super) async fn log_in(&self, body: &str) -> Answer<'a, 'g> {
         let LogIn { user, password, token: is_told } = match parse(body) {
             Ok(log_in) => log_in,
             Err(refusal) => return refusal,
@@ -135,7 +148,7 @@ impl<S: Store, Y: System> Api<'_, '_, S, Y> {
             Err(Refused::Wrong) => return Answer::error(401, &Denied::Wrong),
         };
         let (role, now, mut token) = (user.role, Instant::now(), Token::default());
-        // Who has entered by a password has one.
+        // A log-in by password implies one.
         let password = user.password.unwrap_or_default();
         if !self.system.random(&mut token) {
             return Answer::error(403, &Denied::NoHash);
@@ -151,7 +164,7 @@ impl<S: Store, Y: System> Api<'_, '_, S, Y> {
         Answer::json(200, format_args!("{{{head}}}")).with_header("Set-Cookie", cookie)
     }
 
-    fn of_candidate(&self, run: impl FnOnce(&Candidate) -> Result<(), Uncommitted>) -> Answer {
+    fn of_candidate(&self, run: impl FnOnce(&Candidate) -> Result<(), Uncommitted>) -> Answer<'a, 'g> {
         match self.gateway.candidate().ok_or(Uncommitted::Nothing).and_then(run) {
             Ok(()) => Answer::done(),
             Err(error) => uncommitted(&error),
@@ -159,7 +172,7 @@ impl<S: Store, Y: System> Api<'_, '_, S, Y> {
     }
 
     /// Answers if there is a candidate.
-    fn with_candidate(&self, answer: impl FnOnce() -> Answer) -> Answer {
+    fn with_candidate(&self, answer: impl FnOnce() -> Answer<'a, 'g>) -> Answer<'a, 'g> {
         match self.gateway.candidate().map(|candidate| candidate.settings().map(|_| ())) {
             Some(Ok(())) => answer(),
             Some(Err(error)) => uncommitted(&error),
@@ -167,7 +180,7 @@ impl<S: Store, Y: System> Api<'_, '_, S, Y> {
         }
     }
 
-    async fn change(&self, lines: &str, replaces: bool) -> Answer {
+    async fn change(&self, lines: &str, replaces: bool) -> Answer<'a, 'g> {
         // As many as fit.
         let mut warnings = String::<1_536>::new();
         let mut warn = |line: usize, warning: &crate::language::Warning| {
@@ -188,7 +201,7 @@ impl<S: Store, Y: System> Api<'_, '_, S, Y> {
         }
     }
 
-    async fn commit(&self, caller: &Caller, body: &str) -> Answer {
+    async fn commit(&self, caller: &Caller, body: &str) -> Answer<'a, 'g> {
         let Commit { check, confirmed } = match parse(body) {
             Ok(commit) => commit,
             Err(refusal) => return refusal,
@@ -204,14 +217,14 @@ impl<S: Store, Y: System> Api<'_, '_, S, Y> {
         self.put_in_force(caller, confirmed).await
     }
 
-    async fn confirm(&self, caller: &Caller) -> Answer {
+    async fn confirm(&self, caller: &Caller) -> Answer<'a, 'g> {
         if !self.gateway.candidate().is_some_and(Candidate::is_waiting) {
             return uncommitted(&Uncommitted::NotWaiting);
         }
         self.put_in_force(caller, None).await
     }
 
-    async fn put_in_force(&self, caller: &Caller, confirmed: Option<Duration>) -> Answer {
+    async fn put_in_force(&self, caller: &Caller, confirmed: Option<Duration>) -> Answer<'a, 'g> {
         let gateway = self.gateway;
         let Some(candidate) = gateway.candidate() else { return uncommitted(&Uncommitted::Nothing) };
         match confirmed {
@@ -228,7 +241,7 @@ impl<S: Store, Y: System> Api<'_, '_, S, Y> {
         }
     }
 
-    async fn roll_back(&self, caller: &Caller) -> Answer {
+    async fn roll_back(&self, caller: &Caller) -> Answer<'a, 'g> {
         let Some(candidate) = self.gateway.candidate() else { return uncommitted(&Uncommitted::NotWaiting) };
         self.gateway.audit(Topic::Command, caller.actor(), format_args!("rollback"));
         match candidate.roll_back(self.gateway, caller.actor()).await {
@@ -238,7 +251,7 @@ impl<S: Store, Y: System> Api<'_, '_, S, Y> {
     }
 
     /// `read`, `write`, `ping`
-    async fn ask(&self, caller: &Caller, ask: Ask, body: &str) -> Answer {
+    async fn ask(&self, caller: &Caller, ask: Ask, body: &str) -> Answer<'a, 'g> {
         let line = match parse(body).and_then(|direct| line(ask, &direct)) {
             Ok(line) => line,
             Err(refusal) => return refusal,
@@ -260,17 +273,29 @@ impl<S: Store, Y: System> Api<'_, '_, S, Y> {
 }
 
 /// The command's line for a request.
-fn line(ask: Ask, direct: &Direct) -> Result<Line, Answer> {
+fn line<'s, 'g>(ask: Ask, direct: &Direct) -> Result<Line, Answer<'s, 'g>> {
     let words = [Some(&direct.port), direct.table.as_ref(), direct.kind.as_ref(), direct.order.as_ref()];
-    let is_word = |word: &Word| {
-        !word.is_empty() && word.bytes().all(|byte| byte.is_ascii_graphic() && !b"\"#,".contains(&byte))
-    };
     if !words.into_iter().flatten().all(is_word) {
         return Err(Answer::error(422, &"port, table, type and order are one word each"));
     }
     let mut line = Line::new();
     write_line(ask, direct, &mut line).map_err(|_| Answer::error(422, &"the request is too long"))?;
     Ok(line)
+}
+
+/// Whether it is one word of a line.
+fn is_word(word: &Word) -> bool {
+    !word.is_empty() && word.bytes().all(|byte| byte.is_ascii_graphic() && !b"\"#,".contains(&byte))
+}
+
+/// A line of a verb and these words; `None` if one is no word.
+pub(super) fn words(verb: &str, words: &[Option<&Word>]) -> Option<Line> {
+    let mut line = Line::new();
+    line.push_str(verb).ok()?;
+    for word in words.iter().flatten() {
+        write!(line, " {}", Some(word).filter(|word| is_word(word))?).ok()?;
+    }
+    Some(line)
 }
 
 fn write_line(ask: Ask, direct: &Direct, line: &mut Line) -> core::fmt::Result {

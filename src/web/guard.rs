@@ -1,4 +1,4 @@
-//! Refuses what a page of another origin has a browser send.
+//! Refuses requests that a page of another origin makes a browser send.
 //!
 //! A browser says whom it means to reach (`Host`), and whose page it was (`Origin`, `Sec-Fetch-Site`). A name that leads here by an
 //! attacker's DNS (rebinding) is none of the gateway's: it is known by its addresses, as `localhost`, and by the name that the settings
@@ -31,10 +31,15 @@ fn only<'r>(headers: Headers<'r>, name: &str) -> Result<Option<&'r str>, ()> {
     value.map(|value| value.as_str().map_err(|_| ())).transpose()
 }
 
+/// Checks the host of a request, and returns it.
+pub(super) fn check_host<'r>(headers: Headers<'r>, settings: &Settings) -> Result<&'r str, Foreign> {
+    let host = only(headers, "host").ok().flatten().filter(|host| is_own(host, settings));
+    host.ok_or(Foreign::Host)
+}
+
 /// Checks the host and the origin of a request.
 pub(super) fn check(headers: Headers<'_>, settings: &Settings) -> Result<(), Foreign> {
-    let host = only(headers, "host").ok().flatten().filter(|host| is_own(host, settings));
-    let host = host.ok_or(Foreign::Host)?;
+    let host = check_host(headers, settings)?;
     let origin = only(headers, "origin").map_err(|()| Foreign::Origin)?;
     let is_same = |origin: &str| {
         let (scheme, from) = origin.split_once("://").unwrap_or_default();

@@ -55,8 +55,8 @@ impl Shows {
     }
 }
 
-/// The user whose session it is, with the role by now. Another password ends the session, as does the user's end. Whether it is used
-/// by that is told.
+/// The session's user, with the current role. A new password or the user's deletion ends the session; only a request that `uses` it
+/// prolongs it.
 pub(super) fn user(gateway: &Gateway<'_>, token: &Token, uses: bool) -> Option<(Name, Role)> {
     let (name, password) = gateway.web.find(token, Instant::now(), uses)?;
     let role = gateway.settings(|settings| {

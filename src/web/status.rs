@@ -8,23 +8,27 @@ use super::json::{Quoted, Row};
 use super::piece::{Piece, Source};
 use crate::console::access::{self, PointRow, Show};
 
-/// The tables by name.
-const TABLES: &[(&str, Show)] = &[
-    ("ports", Show::Ports),
-    ("servers", Show::Servers),
-    ("units", Show::Units),
-    ("clients", Show::Clients),
-    ("rules", Show::Routes),
-    ("devices", Show::Devices),
+/// A table of an answer: its name there, and its rows; none: the data points.
+pub(super) type TableOf = (&'static str, Option<Show>);
+
+/// The tables of the status.
+const TABLES: &[TableOf] = &[
+    ("ports", Some(Show::Ports)),
+    ("servers", Some(Show::Servers)),
+    ("units", Some(Show::Units)),
+    ("clients", Some(Show::Clients)),
+    ("rules", Some(Show::Routes)),
+    ("devices", Some(Show::Devices)),
+    ("points", None),
 ];
 
 /// Fits each heading.
 type Heading = String<128>;
 
-/// How far the status has been written.
-#[derive(Default)]
+/// An object of tables, and how far it has been written.
 pub(super) struct Status {
-    /// Of [`TABLES`]; behind them, the points.
+    tables: &'static [TableOf],
+    /// The next of them.
     table: usize,
     /// The next row; 0 before the table.
     place: usize,
@@ -34,6 +38,21 @@ pub(super) struct Status {
 }
 
 impl Status {
+    /// The status.
+    pub(super) fn new() -> Self {
+        Self::of(TABLES)
+    }
+
+    /// Only these tables.
+    pub(super) fn of(tables: &'static [TableOf]) -> Self {
+        Self { tables, table: 0, place: 0, has_rows: false, is_over: false }
+    }
+
+    /// Whether it begins with what is in no table.
+    fn has_head(&self) -> bool {
+        core::ptr::eq(self.tables, TABLES)
+    }
+
     /// Whether nothing has been written.
     pub(super) fn is_new(&self) -> bool {
         (self.table, self.place) == (0, 0)
@@ -49,12 +68,13 @@ impl Status {
         if self.is_over {
             return Ok(false);
         }
-        if self.is_new() {
+        if self.is_new() && self.has_head() {
             head(source, out)?;
         }
-        let table = TABLES.get(self.table);
+        let Some((name, table)) = self.tables.get(self.table) else { return Ok(false) };
         if self.place == 0 {
-            write!(out, ",\"{}\":[", table.map_or("points", |(name, _)| name))?;
+            let before = if self.is_new() && !self.has_head() { "{" } else { "," };
+            write!(out, "{before}\"{name}\":[")?;
             (self.place, self.has_rows) = (1, false);
             return Ok(true);
         }
@@ -63,7 +83,7 @@ impl Status {
             out.write_str(",")?;
         }
         let is_row = match table {
-            Some((_, show)) => row(source, *show, self.place, out)?,
+            Some(show) => row(source, *show, self.place, out)?,
             None => access::point(source.gateway, self.place - 1, |row| point(&row, out).map(|()| true))
                 .transpose()?,
         };
@@ -74,7 +94,7 @@ impl Status {
         self.place += 1;
         if is_row.is_none() {
             (self.table, self.place) = (self.table + 1, 0);
-            self.is_over = table.is_none();
+            self.is_over = self.table >= self.tables.len();
             out.write_str(if self.is_over { "]}" } else { "]" })?;
         }
         Ok(true)

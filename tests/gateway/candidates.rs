@@ -3,6 +3,7 @@
 
 use embassy_futures::select::{Either, select};
 use mobgate::frame::{FramePool, Slot};
+use mobgate::gateway::audit::AuditMemory;
 use mobgate::gateway::{Candidate, Gateway, Ports, reconfigure};
 use mobgate_simulator::console::Medium;
 use mobgate_simulator::random::each_seed;
@@ -77,10 +78,10 @@ impl History {
     /// One life, until the steps are over or a reset.
     fn live(&mut self, seed: u64) {
         let slots = [const { Slot::new() }; 40];
-        let (ports, candidate) = (Ports::<5>::new(), Candidate::new());
+        let (ports, candidate, audit) = (Ports::<5>::new(), Candidate::new(), AuditMemory::new());
         let pool = FramePool::new(&slots, 32);
         let connections = [const { mobgate::gateway::Connection::new() }; 27];
-        let gateway = Gateway::new(&pool, &ports, &connections).with_candidate(&candidate);
+        let gateway = Gateway::new(&pool, &ports, &connections).with_candidate(&candidate).with_audit(&audit);
         let mut world = World::new(seed);
         world
             .run_until(reconfigure::load(&gateway, &mut self.medium, &|_| Ok(())))

@@ -55,20 +55,8 @@ impl Line {
 /// anybody can tell.
 fn faults(random: &mut Random) -> Faults {
     let late = if random.chance(0.25) { Fault::WrongUnit } else { Fault::draw_late(random) };
-    let kinds = [
-        late,
-        Fault::Dead,
-        Fault::Unheard,
-        Fault::BadCrc,
-        Fault::FlippedBit,
-        Fault::LostByte,
-        Fault::Truncated,
-        Fault::WrongFunction,
-        Fault::WrongLength,
-        Fault::NoiseAfter(3),
-        Fault::GapInside(PAUSE),
-        Fault::Exception(4),
-    ];
+    let last = [Fault::NoiseAfter(3), Fault::GapInside(PAUSE), Fault::Exception(4)];
+    let kinds = [&[late, Fault::Dead, Fault::Unheard][..], &Fault::DAMAGED, &Fault::MISFITS, &last].concat();
     kinds.into_iter().fold(Faults::new(random.bits()), |faults, fault| faults.with(When::Chance(0.02), fault))
 }
 

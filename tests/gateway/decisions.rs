@@ -1,7 +1,7 @@
 //! Which rule decides, under which id a unit is asked, and where a frame may be passed on while it arrives: by value.
 
 use mobgate::modbus::pdu::{Extent, Touched, touched};
-use mobgate::routing::{Decision, Onward, decide, is_routed, leads_to, onward};
+use mobgate::routing::{Client, Decision, Onward, decide, is_routed, leads_to, onward};
 use mobgate::settings::{AddressRange, Functions, Policy, Tag, UnitRange};
 
 use crate::prelude::*;
@@ -149,7 +149,7 @@ fn a_unit_is_ours_on_a_line_when_a_rule_or_its_port_says_so() {
 #[test]
 fn each_destination_has_its_decision() {
     let settings = settings_of(TABLE);
-    let decision = |unit, request: &[u8]| decide(&settings, PortId(0), unit, None, request);
+    let decision = |unit, request: &[u8]| decide(&settings, PortId(0), unit, Client::at(None), request);
     let forward = |name, unit| {
         let Decision::Forward { port: to, unit: asked, priority, .. } = decision(unit, &READ) else {
             return false;
@@ -175,7 +175,7 @@ fn what_is_asked_of_all_units_of_a_line_must_be_a_write_and_of_unit_0_behind_tcp
         route P502 0 * * C",
     );
     let decision = |peer: &str, request: &[u8]| {
-        decide(&settings, PortId(0), 0, Some(peer.parse::<IpAddr>().unwrap()), request)
+        decide(&settings, PortId(0), 0, Client::at(Some(peer.parse::<IpAddr>().unwrap())), request)
     };
     assert_eq!(decision("10.0.0.1", &READ), Decision::Refuse(Exception::ILLEGAL_FUNCTION));
     assert!(matches!(decision("10.0.0.1", &WRITE), Decision::Forward { unit: 0, .. }));
@@ -194,7 +194,7 @@ fn a_write_that_is_ignored_is_answered_except_to_all_units_of_a_line() {
         route P502 0-9 * * local readonly forbidden ignore",
     );
     let decision = |peer: u8, unit, request: &[u8]| {
-        decide(&settings, PortId(0), unit, Some(IpAddr::from([10, 0, 0, peer])), request)
+        decide(&settings, PortId(0), unit, Client::at(Some(IpAddr::from([10, 0, 0, peer]))), request)
     };
     for function in 1..=127 {
         let request = [function, 0, 0, 0, 1];
@@ -309,7 +309,7 @@ fn a_broadcast_goes_to_the_lines_that_rules_for_its_sender_lead_to_unless_one_of
     let rank = |rules: &str, to: &str| {
         let settings = settings_of(&format!("{head}\n{rules}"));
         let peer = Some(IpAddr::from([10, 0, 0, 1]));
-        leads_to(&settings, PortId(0), peer, &WRITE, port(&settings, to))
+        leads_to(&settings, PortId(0), Client::at(peer), &WRITE, port(&settings, to))
     };
     let normal = Some(Priority::Normal);
     for (rules, to, expected) in [

@@ -17,6 +17,7 @@ mod cut_timing;
 mod cut_torture;
 mod decisions;
 mod documents;
+mod explain;
 mod floods;
 mod frames;
 mod line;

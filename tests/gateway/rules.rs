@@ -1,8 +1,8 @@
 //! What a rule lets through: for every function code, as the specification says what that one does.
 
 use mobgate::modbus::pdu::check_request;
-use mobgate::routing::{Decision, Onward, decide, onward};
-use mobgate::settings::{AddressRange, Functions, Policy};
+use mobgate::routing::{Client, Decision, Onward, decide, leads_to, onward};
+use mobgate::settings::{AddressRange, ClientRole, Functions, Policy};
 
 /// What a request does to a device (Application Protocol V1.1b3, clause 6).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -197,7 +197,7 @@ fn a_request_whose_addresses_are_not_all_there_is_refused() {
 /// Whether `request` from the port number 0 goes to a port.
 fn is_forwarded(settings: &Settings, peer: Option<&str>, request: &[u8]) -> bool {
     let peer = peer.map(|peer| peer.parse::<IpAddr>().unwrap());
-    matches!(decide(settings, PortId(0), 1, peer, request), Decision::Forward { .. })
+    matches!(decide(settings, PortId(0), 1, Client::at(peer), request), Decision::Forward { .. })
 }
 
 #[test]
@@ -217,7 +217,62 @@ fn a_rule_for_an_address_matches_no_master_on_a_serial_line() {
         rule.source = PortId(2);
         assert!(!rule.matches(PortId(2), 1, None));
     }
-    assert_eq!(decide(&settings, PortId(2), 1, None, &read), Decision::NoRule);
+    assert_eq!(decide(&settings, PortId(2), 1, Client::at(None), &read), Decision::NoRule);
+}
+
+const SECURE: &str = "certificate gw own /gw.pem key /gw.key
+    certificate plant clients /plant.pem
+    port secure tcp server 802 tls broadcast all
+    port bus serial uart1 rtu client
+    port P502 tcp server 502
+    route secure 1 * * bus role viewer readonly
+    route secure 1-3 10.0.0.0/8 * bus role operator
+    route secure 1-2 * * nopath role visitor
+    route secure 3 * * bus
+    route P502 1 * * bus";
+
+/// The decision about a request of a client of this role at 10.0.0.1, or at 11.0.0.1.
+fn decided(role: &str, address: [u8; 4], unit: u8, request: &[u8]) -> Decision {
+    let role = ClientRole::new(role).unwrap_or(ClientRole::NONE);
+    let client = Client { peer: Some(IpAddr::from(address)), role: &|| role };
+    decide(&settings_of(SECURE), PortId(0), unit, client, request)
+}
+
+#[test]
+fn a_rule_with_a_role_is_for_clients_of_that_role_and_a_client_whom_it_keeps_out_gets_01() {
+    let (near, far) = ([10, 0, 0, 1], [11, 0, 0, 1]);
+    let (read, write) = ([3, 0, 0, 0, 1], [6, 0, 0, 0, 1]);
+    let denied = Decision::Refuse(Exception::ILLEGAL_FUNCTION);
+    let goes = |decision| matches!(decision, Decision::Forward { .. });
+    assert!(goes(decided("viewer", near, 1, &read)));
+    assert_eq!(decided("viewer", near, 1, &write), denied, "its rule says so");
+    assert!(goes(decided("operator", near, 1, &write)), "the first rule is not for it");
+    // Exactly: roles are text.
+    for stranger in ["Viewer", "view", "viewers", "engineer", ""] {
+        assert_eq!(decided(stranger, near, 1, &read), denied, "{stranger}");
+    }
+    // A rule for other addresses is no rule for the client, whatever the role.
+    assert_eq!(decided("visitor", far, 1, &read), Decision::Refuse(Exception::GATEWAY_NO_PATH));
+    assert_eq!(decided("viewer", far, 2, &read), denied);
+    // A rule without a role is for everybody, and where no rule is for any role there is none.
+    assert!(goes(decided("", far, 3, &write)));
+    assert_eq!(decided("operator", near, 4, &read), Decision::NoRule);
+}
+
+#[test]
+fn a_broadcast_goes_where_rules_for_the_clients_role_lead() {
+    let settings = settings_of(SECURE);
+    let goes = |role: &str, address: [u8; 4]| {
+        let role = ClientRole::new(role).unwrap_or(ClientRole::NONE);
+        let client = Client { peer: Some(IpAddr::from(address)), role: &|| role };
+        let only_unit_3 = settings.routes[3];
+        let mut settings = settings.clone();
+        settings.routes.retain(|route| *route != only_unit_3);
+        leads_to(&settings, PortId(0), client, &[6, 0, 0, 0, 1], PortId(1)).is_some()
+    };
+    assert!(goes("operator", [10, 0, 0, 1]));
+    assert!(!goes("operator", [11, 0, 0, 1]));
+    assert!(!goes("viewer", [10, 0, 0, 1]) && !goes("", [10, 0, 0, 1]));
 }
 
 #[test]
@@ -227,7 +282,7 @@ fn urgent_functions_rank_high_and_others_as_the_rule_says() {
          port bus serial uart1 rtu client
          route P502 * * * bus priority low urgent 5,6,43/14",
     );
-    let rank = |request: &[u8]| match decide(&settings, PortId(0), 1, None, request) {
+    let rank = |request: &[u8]| match decide(&settings, PortId(0), 1, Client::at(None), request) {
         Decision::Forward { priority, .. } => priority,
         other => panic!("{other:?}"),
     };

@@ -92,25 +92,9 @@ fn connect_devices<'w>(world: &World<'w>, rig: &Rig<'w>, line: &str, random: &mu
 fn draw_fault(random: &mut Random, strays: bool) -> Fault {
     let pause = Duration::from_micros(random.within(2_000..=20_000));
     let late = if strays { Fault::WrongUnit } else { Fault::draw_late(random) };
-    let faults = [
-        Fault::Dead,
-        Fault::Unheard,
-        late,
-        late,
-        late,
-        late,
-        Fault::BadCrc,
-        Fault::FlippedBit,
-        Fault::LostByte,
-        Fault::Truncated,
-        Fault::WrongFunction,
-        Fault::WrongLength,
-        Fault::WrongEcho,
-        Fault::NoiseBefore(3),
-        Fault::NoiseAfter(3),
-        Fault::GapInside(pause),
-        Fault::Exception(6),
-    ];
+    let frames = [Fault::Dead, Fault::Unheard, late, late, late, late];
+    let noise = [Fault::NoiseBefore(3), Fault::NoiseAfter(3), Fault::GapInside(pause), Fault::Exception(6)];
+    let faults = [&frames[..], &Fault::DAMAGED, &Fault::MISFITS, &[Fault::WrongEcho], &noise].concat();
     faults[random.index(faults.len())]
 }
 

@@ -11,7 +11,7 @@ const WINDOW: Duration = Duration::from_secs(1);
 const DOWN_AFTER: u8 = 3;
 
 /// Those of a port.
-fn units() -> Units<'static> {
+pub(crate) fn new_units() -> Units<'static> {
     Box::leak(Box::new(AllUnits::new())).of(PortId(3))
 }
 
@@ -22,7 +22,7 @@ fn time_out(units: &mut Units, id: u8, now: Instant) {
 
 #[test]
 fn a_time_out_holds_up_nobody() {
-    let mut units = units();
+    let mut units = new_units();
     let now = Instant::from_secs(10);
     assert_eq!(units.gate(5, now), Gate::Open(Ready::Now));
     time_out(&mut units, 5, now);
@@ -32,7 +32,7 @@ fn a_time_out_holds_up_nobody() {
 
 #[test]
 fn a_silent_unit_is_down_and_probed_at_growing_intervals() {
-    let mut units = units();
+    let mut units = new_units();
     let mut now = Instant::from_secs(0);
     for _ in 0..DOWN_AFTER {
         now += Duration::from_secs(2);
@@ -55,7 +55,7 @@ fn one_answer_makes_a_unit_well_again() {
         |units: &mut Units| units.answered(5, WINDOW, true),
         |units: &mut Units| units.corrupt(5, Event::BadCheck),
     ] {
-        let mut units = units();
+        let mut units = new_units();
         for second in 0..10 {
             time_out(&mut units, 5, Instant::from_secs(second * 100));
         }
@@ -70,7 +70,7 @@ fn one_answer_makes_a_unit_well_again() {
 
 #[test]
 fn a_unit_that_is_down_is_probed_soon_when_something_late_comes_and_again_when_it_has_answered_since() {
-    let mut units = units();
+    let mut units = new_units();
     let requests: [&[u8]; 3] = [&[3, 0, 0, 0, 1], &[4, 0, 0, 0, 1], &[1, 0, 0, 0, 1]];
     let answers: [&[u8]; 3] = [&[3, 2, 0, 7], &[4, 2, 0, 7], &[1, 1, 0]];
     for round in 1..=3 {
@@ -97,7 +97,7 @@ fn a_unit_that_is_down_is_probed_soon_when_something_late_comes_and_again_when_i
 
 #[test]
 fn while_units_are_looked_for_silence_says_nothing() {
-    let mut units = units();
+    let mut units = new_units();
     units.freeze(true);
     units.asked(5);
     assert!(!units.timed_out(5, Instant::from_secs(1), DOWN_AFTER), "it is not counted");
@@ -106,7 +106,7 @@ fn while_units_are_looked_for_silence_says_nothing() {
 
 #[test]
 fn with_zero_a_unit_is_never_down() {
-    let mut units = units();
+    let mut units = new_units();
     for second in 0..100 {
         units.timed_out(5, Instant::from_secs(second), 0);
         assert_ne!(units.gate(5, Instant::from_secs(second)), Gate::Down);
@@ -115,7 +115,7 @@ fn with_zero_a_unit_is_never_down() {
 
 #[test]
 fn it_is_counted_how_a_unit_does() {
-    let mut units = units();
+    let mut units = new_units();
     let now = Instant::from_secs(1);
     units.timed_out(6, now, 0);
     let silent = units.iter().next().map(|unit| unit.error(Event::Silent));
@@ -152,7 +152,7 @@ fn it_is_counted_how_a_unit_does() {
 #[test]
 fn a_unit_is_down_after_just_so_many_time_outs_in_a_row() {
     for down_after in 1..=4 {
-        let mut units = units();
+        let mut units = new_units();
         let now = Instant::from_secs(1);
         for nth in 1..=down_after {
             assert!(!units.is_down(5));
@@ -179,7 +179,7 @@ fn a_unit_that_gave_a_joined_read_no_answer_is_asked_for_less_at_a_time_for_a_mi
         |units: &mut Units, now| units.refused_combined(5, now),
         |units: &mut Units, now| _ = units.timed_out(5, now, DOWN_AFTER),
     ] {
-        let mut units = units();
+        let mut units = new_units();
         assert!(units.combines(5, now));
         units.asked(5);
         assert!(units.combines(5, now));
@@ -195,7 +195,7 @@ fn the_quietest_healthy_unit_makes_room() {
     let now = Instant::from_secs(1);
     let cases: [(&[u8], u8); 3] = [(&[], 10), (&[10], 11), (&[10, 11], 12)];
     for (held, forgotten) in cases {
-        let mut units = units();
+        let mut units = new_units();
         for id in 1..=UNITS_MAX as u8 {
             units.asked(id);
             // The rest is down.
@@ -214,7 +214,7 @@ fn the_quietest_healthy_unit_makes_room() {
 
 #[test]
 fn when_there_are_more_units_than_places_the_ones_in_trouble_are_remembered() {
-    let mut units = units();
+    let mut units = new_units();
     for _ in 0..DOWN_AFTER {
         time_out(&mut units, 200, Instant::from_secs(1));
     }
@@ -254,7 +254,7 @@ fn the_units_of_one_port_do_not_take_the_places_of_another() {
 fn a_unit_ignores_function_8_when_many_proofs_in_a_row_are_lost_and_not_before() {
     const READ: [u8; 5] = [3, 0, 0, 0, 1];
     const OTHER: [u8; 5] = [4, 0, 0, 0, 1];
-    let mut units = units();
+    let mut units = new_units();
     let care = Care { proof: Proof::Auto, late_window: WINDOW };
     let now = Instant::from_secs(10);
     let mut proofs = 0;

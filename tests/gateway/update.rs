@@ -1,13 +1,15 @@
 //! New firmware at the console, over lines that lose and damage blocks.
 
 use std::cell::Cell;
+use std::convert::Infallible;
 
 use embassy_futures::select::select;
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::mutex::Mutex;
+use embedded_io_async::{ErrorType, Read, Write};
 use mobgate::console::{Ended, Mode, run};
 use mobgate::hal::{FirmwareState, NoUpdate, SharedUpdate, System, TcpHost, Update, UpdateError, Version};
-use mobgate::settings::TcpListen;
+use mobgate::settings::{PortId, TcpListen};
 use mobgate_simulator::Network;
 use mobgate_simulator::console::NoStore;
 use mobgate_simulator::firmware::Firmware;
@@ -62,8 +64,8 @@ fn at_console(
         let stream = network.connect_over(path, machine(1), 23).unwrap();
         let scenario = scenario(Sender::new(stream, Weather::default(), seed));
         let console = async {
-            let (stream, _) = host.accept(&listen).await.unwrap();
-            ended = run(rig.gateway, stream, &mut NoStore, update, board, mode).await.ok();
+            let (mut stream, _) = host.accept(&listen).await.unwrap();
+            ended = run(rig.gateway, &mut stream, &mut NoStore, update, board, mode).await.ok();
             // Who sits there sees the end.
         };
         world.run_until(embassy_futures::join::join(console, scenario));
@@ -247,6 +249,70 @@ fn one_update_at_a_time_and_a_console_that_is_cut_lets_others_begin() {
     World::new(1).run_until(async {
         assert_eq!(other.begin(None, false).await, Ok(()));
     });
+}
+
+/// Pipes in `input` as a user by SSH, up to its end; gives what is shown, and how the session ended.
+fn pipe(firmware: &Firmware, board: &Board, input: &[u8]) -> (String, Option<Ended>) {
+    let mode = Mode::User { name: "anna", peer: machine(1), port: PortId(0), edits: false };
+    let (mut shown, mut ended) = (Vec::new(), None);
+    rig::with_gateway(1, USER, |world, rig| {
+        let mut piped = Piped { input, shown: &mut shown };
+        world.run_until(async {
+            ended = run(rig.gateway, &mut piped, &mut NoStore, &mut firmware.clone(), board, mode).await.ok();
+        });
+    });
+    (String::from_utf8(shown).unwrap(), ended)
+}
+
+/// What is piped in, in pieces of up to 100 bytes, and what is shown.
+struct Piped<'p> {
+    input: &'p [u8],
+    shown: &'p mut Vec<u8>,
+}
+
+impl ErrorType for Piped<'_> {
+    type Error = Infallible;
+}
+
+impl Read for Piped<'_> {
+    async fn read(&mut self, into: &mut [u8]) -> Result<usize, Infallible> {
+        let (now, rest) = self.input.split_at(into.len().min(self.input.len()).min(100));
+        into[..now.len()].copy_from_slice(now);
+        self.input = rest;
+        Ok(now.len())
+    }
+}
+
+impl Write for Piped<'_> {
+    async fn write(&mut self, from: &[u8]) -> Result<usize, Infallible> {
+        self.shown.extend_from_slice(from);
+        Ok(from.len())
+    }
+
+    async fn flush(&mut self) -> Result<(), Infallible> {
+        Ok(())
+    }
+}
+
+#[test]
+fn a_file_behind_the_line_is_taken_when_it_is_piped_in_by_ssh() {
+    let (firmware, board, file) = (Firmware::default(), Board::default(), image(5000));
+    let input = [b"show version\nupdate\n", &file[..]].concat();
+    let (shown, ended) = pipe(&firmware, &board, &input);
+    assert!(shown.ends_with("9.8.7 is complete and genuine; it starts now, on trial\n"), "{shown:?}");
+    assert_eq!((firmware.taken(), board.restarts.get()), (vec![file], 1));
+    assert_eq!(ended, Some(Ended::Left { refused: false }));
+}
+
+#[test]
+fn a_piped_file_that_is_refused_is_no_lines() {
+    let (firmware, board) = (Firmware::default(), Board::default());
+    firmware.refuse(1000, UpdateError::OtherBoard);
+    let input = [b"update\n", &b"show version\n".repeat(1000)[..]].concat();
+    let (shown, ended) = pipe(&firmware, &board, &input);
+    assert_eq!(shown, "error: line 1, the image is for another board\n");
+    assert_eq!((firmware.unfinished(), board.restarts.get()), (None, 0));
+    assert_eq!(ended, Some(Ended::Left { refused: true }));
 }
 
 #[test]

@@ -3,11 +3,14 @@
 use std::collections::BTreeMap;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 
-use serde::Deserialize;
+use serde::de::Error;
+use serde::{Deserialize, Deserializer};
 use yaml_serde::{Mapping, Value};
 
+use crate::script::{each, items};
+
 /// Keys of a file that hold for each of its cases. All others are cases.
-const COMMON: [&str; 5] = ["about", "settings", "bus", "server", "client"];
+const COMMON: [&str; 8] = ["about", "settings", "more_settings", "bus", "server", "client", "first", "last"];
 
 /// A case, ready to be played. What it says itself replaces what its file says, key by key.
 #[derive(Deserialize)]
@@ -20,7 +23,7 @@ pub(crate) struct Case {
     _about: String,
     /// Lines as they are typed at the console.
     pub(crate) settings: String,
-    /// Lines behind those of the file.
+    /// Lines behind `settings`. Those of the file are not for cases with `settings` of their own.
     #[serde(default)]
     more_settings: String,
     /// The buses by the gateway's name for the device.
@@ -32,7 +35,13 @@ pub(crate) struct Case {
     /// The clients by name.
     #[serde(default)]
     pub(crate) client: BTreeMap<String, Client>,
+    /// Steps before those of the case.
+    #[serde(default)]
+    first: String,
     pub(crate) steps: String,
+    /// Steps behind those of the case.
+    #[serde(default)]
+    last: String,
 }
 
 /// What hangs on a serial line.
@@ -69,6 +78,7 @@ pub(crate) struct Server {
 #[derive(Deserialize, Clone)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Device {
+    #[serde(deserialize_with = "number_or_text")]
     pub(crate) unit: u8,
     /// From the end of the request's silence to the response.
     pub(crate) turnaround: Option<String>,
@@ -133,6 +143,10 @@ fn modbus_port() -> u16 {
     502
 }
 
+fn number_or_text<'d, D: Deserializer<'d>>(deserializer: D) -> Result<u8, D::Error> {
+    text_of(&Value::deserialize(deserializer)?).parse().map_err(D::Error::custom)
+}
+
 /// The cases of the file `text`; one with a list `each` is a case for each of its rows.
 pub(crate) fn cases(text: &str) -> Result<Vec<Case>, yaml_serde::Error> {
     let file: Mapping = yaml_serde::from_str(text)?;
@@ -142,7 +156,12 @@ pub(crate) fn cases(text: &str) -> Result<Vec<Case>, yaml_serde::Error> {
     for (name, case) in own {
         let mut table = common.clone();
         match case {
-            Value::Mapping(case) => table.extend(case),
+            Value::Mapping(case) => {
+                if case.contains_key("settings") {
+                    table.remove("more_settings");
+                }
+                table.extend(case);
+            }
             steps => table.extend([("steps".into(), steps)]),
         }
         let each = table.remove("each").map_or_else(|| Ok(vec![BTreeMap::new()]), yaml_serde::from_value)?;
@@ -151,11 +170,17 @@ pub(crate) fn cases(text: &str) -> Result<Vec<Case>, yaml_serde::Error> {
             let told: Vec<String> = row.iter().map(|(key, value)| format!("{key} {value}")).collect();
             let told = if told.is_empty() { String::new() } else { format!(" ({})", told.join(", ")) };
             case.name = text_of(&name) + &told;
-            case.settings += &case.more_settings;
+            case.settings = spread(&[&case.settings, &case.more_settings]);
+            case.steps = spread(&[&case.first, &case.steps, &case.last]);
             cases.push(case);
         }
     }
     Ok(cases)
+}
+
+/// The lines of `texts`, one after the other.
+fn spread(texts: &[&str]) -> String {
+    texts.iter().flat_map(|text| text.lines()).flat_map(each).map(|line| line + "\n").collect()
 }
 
 /// A row of keys and texts for each combination of the values of those keys that have a list of them.
@@ -185,8 +210,20 @@ fn filled(value: &Value, row: &[(String, String)]) -> Value {
         }
         Value::Sequence(values) => values.iter().map(|value| filled(value, row)).collect(),
         Value::Mapping(table) => {
-            Value::Mapping(table.iter().map(|(key, value)| (key.clone(), filled(value, row))).collect())
+            let filled = |(key, value)| (key, filled(&value, row));
+            Value::Mapping(table.iter().flat_map(|(key, value)| entries(key, value)).map(filled).collect())
         }
         other => other.clone(),
     }
+}
+
+/// The entries that one stands for whose key has a list such as `{1-3 5}`: that of each number `n`.
+fn entries(key: &Value, value: &Value) -> Vec<(Value, Value)> {
+    let split = |key: &str| {
+        let (before, rest) = key.split_once('{')?;
+        let (list, after) = rest.split_once('}')?;
+        let entry = |n: String| (format!("{before}{n}{after}").into(), filled(value, &[("n".to_owned(), n)]));
+        Some(items(list).map(entry).collect())
+    };
+    key.as_str().and_then(split).unwrap_or_else(|| vec![(key.clone(), value.clone())])
 }

@@ -1,5 +1,7 @@
 //! Steps as sentences in the order of time, each of which does or expects one thing.
 
+use std::ops::RangeInclusive;
+
 use crate::words::duration;
 
 /// The sentences of `steps`, each with its line. Answers to questions that are asked side by side come behind all of them.
@@ -42,4 +44,24 @@ pub(crate) fn exchange(sentence: &str) -> Option<(&str, String)> {
     let (question, answer) = sentence.split_once(" -> ")?;
     let (client, _) = question.split_once(' ')?;
     (!question.contains(" times: ")).then(|| (question, format!("{client} gets {answer}")))
+}
+
+/// The lines that `for n in 1-3 5: ... {n} ...; ...` stands for; every other line is itself.
+pub(crate) fn each(line: &str) -> Vec<String> {
+    let list = line.trim_start().strip_prefix("for n in ").and_then(|rest| rest.split_once(": "));
+    let Some((list, text)) = list else { return vec![line.to_owned()] };
+    let lines = |n: String| text.split("; ").map(move |line| line.replace("{n}", &n));
+    items(list).flat_map(lines).collect()
+}
+
+/// The words of `list`, with the numbers of each range such as `1-3`.
+pub(crate) fn items(list: &str) -> impl Iterator<Item = String> {
+    list.split_whitespace().flat_map(|item| {
+        let range =
+            item.split_once('-').and_then(|(first, last)| Some(first.parse().ok()?..=last.parse().ok()?));
+        range.map_or_else(
+            || vec![item.to_owned()],
+            |range: RangeInclusive<u16>| range.map(|n| n.to_string()).collect(),
+        )
+    })
 }

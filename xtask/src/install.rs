@@ -24,6 +24,8 @@ pub(crate) enum Group {
     Arm,
     /// The Debian package and its test
     Package,
+    /// The web interface's page in a browser
+    Browser,
     /// Instructions and system calls
     Counts,
     /// The fuzzer
@@ -54,10 +56,11 @@ struct Need {
 
 const DEBIAN_RUST: By = By::Apt(&["rustc-web", "cargo-web", "rust-web-src", "rust-web-clippy", "lld"]);
 
-const NEEDS: [Need; 32] = [
+const NEEDS: [Need; 37] = [
     by_apt(Group::Peers, "mbpoll", &["mbpoll"]),
     by_apt(Group::Package, "mbpoll", &["mbpoll"]),
     by_apt(Group::Peers, "ssh", &["openssh-client"]),
+    by_apt(Group::Peers, "openssl", &["openssl"]),
     by_apt(Group::Peers, "socat", &["socat"]),
     by_apt(Group::Peers, "tshark", &["tshark"]),
     by_apt(Group::Peers, "ip", &["iproute2"]),
@@ -72,7 +75,7 @@ const NEEDS: [Need; 32] = [
     by_apt(Group::Peers, "npm", &["npm"]),
     need(
         Group::Peers,
-        "pymodbus, zeroconf, pysoem, soemx, KickCAT, ethercat-mcp in target/python",
+        "pymodbus, pysunspec2, zeroconf, pysoem, soemx, KickCAT, ethercat-mcp in target/python",
         By::Own(python),
         |_| is_installed(REQUIREMENTS, "target/python"),
     ),
@@ -97,6 +100,12 @@ const NEEDS: [Need; 32] = [
     need(Group::Arm, "Debian's Rust with sources", DEBIAN_RUST, |_| board::has_sources()),
     by_apt(Group::Package, "mmdebstrap", &["mmdebstrap"]),
     by_cargo(Group::Package, "cargo-deb"),
+    by_apt(Group::Browser, "chromium", &["chromium"]),
+    by_apt(Group::Browser, "npm", &["npm"]),
+    by_apt(Group::Browser, "mbpoll", &["mbpoll"]),
+    need(Group::Browser, "playwright-core and axe-core in target/browser", By::Own(browser), |_| {
+        is_installed(BROWSER_PACKAGES, "target/browser")
+    }),
     by_apt(Group::Counts, "valgrind", &["valgrind"]),
     by_apt(Group::Counts, "strace", &["strace"]),
     by_apt(Group::Fuzz, "c++", &["g++"]),
@@ -231,6 +240,7 @@ fn qemu() -> Outcome {
 
 const REQUIREMENTS: &str = "boards/linux/tests/peers/requirements.txt";
 const PACKAGES: &str = "boards/linux/tests/peers/node/package-lock.json";
+const BROWSER_PACKAGES: &str = "boards/linux/tests/browser/package-lock.json";
 
 /// Beside the tests, where node looks for packages that modules import.
 const RP2040_FOLDER: &str = "tests/rp2040/node_modules";
@@ -256,15 +266,25 @@ fn python() -> Outcome {
 }
 
 fn node() -> Outcome {
-    let folder = root().join("target/node");
+    npm_into(PACKAGES, "target/node")
+}
+
+/// The browser itself is Debian's.
+fn browser() -> Outcome {
+    npm_into(BROWSER_PACKAGES, "target/browser")
+}
+
+/// Installs the packages of a lock file, and of the package.json beside it, into a folder.
+fn npm_into(list: &str, target: &str) -> Outcome {
+    let folder = root().join(target);
     std::fs::create_dir_all(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
-    for file in [PACKAGES, "boards/linux/tests/peers/node/package.json"] {
+    for file in [list, &list.replace("package-lock", "package")] {
         let from = root().join(file);
         let to = folder.join(from.file_name().unwrap_or_default());
         std::fs::copy(&from, to).map_err(|error| format!("{file}: {error}"))?;
     }
-    npm("target/node")?;
-    note_installed(PACKAGES, "target/node")
+    npm(target)?;
+    note_installed(list, target)
 }
 
 fn rp2040() -> Outcome {

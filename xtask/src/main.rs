@@ -117,7 +117,11 @@ enum Task {
     /// Makes the key that signs updates, unless there is one: in this file, or in target/ for development; prints its public half
     Key { file: Option<std::path::PathBuf> },
     /// Builds a release: package, images, updates, SBOMs, checksums; MOBGATE_SIGNING_KEY names the file of its key
-    Release,
+    Release {
+        /// Without a look at the RustSec database, for practice: the folder is called so
+        #[arg(long)]
+        rehearsal: bool,
+    },
     /// Builds boards' images here and in another folder, and compares them
     Reproducible { boards: Vec<String> },
     /// Compares the figures that commands printed into a file with tests/figures
@@ -176,7 +180,7 @@ fn carry_out(task: Task) -> Outcome {
         Task::Deny => habits::deny(),
         Task::Api { write } => api::check(write),
         Task::Key { file } => make_key(file),
-        Task::Release => release::build(),
+        Task::Release { rehearsal } => release::build(rehearsal),
         Task::Reproducible { boards } => release::reproducible(&boards),
         Task::Figures { file } => figures::hold(&file),
     }

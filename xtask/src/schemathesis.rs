@@ -28,14 +28,18 @@ const USER: &str = "user anna role engineer password \
     \"$argon2id$v=19$m=8,t=1,p=1$MDEyMzQ1Njc4OWFiY2RlZg$MbnuQj2xrGASZb+GaVRPOkBaCDUjNErQQKePN3mCUfA\"";
 const CHECKS: &str =
     "not_a_server_error,status_code_conformance,content_type_conformance,response_schema_conformance";
-/// A commit of whatever settings ends the interface, a log-out the session, and events do not end: the tests in boards/linux/tests/web have them.
-const LEFT_OUT: [&str; 6] = [
+/// A commit of whatever settings ends the interface, a log-out the session, and events and frames do not end, another password ends the session: the tests in boards/linux/tests/web have them.
+const LEFT_OUT: [&str; 10] = [
     "--exclude-path",
     "/api/v1/settings/commit",
     "--exclude-path",
     "/api/v1/session",
     "--exclude-path",
     "/api/v1/events",
+    "--exclude-path",
+    "/api/v1/frames",
+    "--exclude-path",
+    "/api/v1/password",
 ];
 
 /// The program, which ends with this.

@@ -22,6 +22,8 @@ pub(crate) enum Suite {
     Rp2040,
     /// The Debian package, installed, used and removed (needs root)
     Package,
+    /// The web interface's page in a browser
+    Browser,
     /// Random worlds, many times more than in `workspace`
     Torture,
     /// EtherCAT: third-party MainDevices, thousands of cycles and restarts, and the conformance measurements
@@ -36,6 +38,7 @@ impl Suite {
             Self::Stm32 => &[Group::Stm32, Group::Thumb],
             Self::Rp2040 => &[Group::Rp2040, Group::Thumb],
             Self::Package => &[Group::Package],
+            Self::Browser => &[Group::Browser],
             Self::Torture => &[],
         }
     }
@@ -82,6 +85,11 @@ pub(crate) fn run_all(suites: &[Suite], install: bool) -> Outcome {
             // Its demo is the device behind the packaged gateway.
             run(&mut cargo("build", &["--package", "mobgate-linux", "--bin", "mobgate"]))?;
             run(&mut command("tests/package/run", &[""; 0]))
+        }
+        // With its figures; the pictures are in target/browser.
+        Suite::Browser => {
+            let tests = ["--package", "mobgate-linux", "--test", "browser", "--test", "web"];
+            run(cargo("test", &tests).args(["--", "--nocapture", "in_a_browser", "the_page"]))
         }
         // Optimised, because a debug build takes a quarter of an hour.
         Suite::Torture => {

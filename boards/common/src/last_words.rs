@@ -2,9 +2,10 @@
 
 use core::fmt::{self, Write};
 
-use crc::{CRC_32_ISO_HDLC, Crc, Table};
+use crc::{CRC_32_ISO_HDLC, Crc, NoTable};
 
-const CRC: Crc<u32, Table<1>> = Crc::<u32, Table<1>>::new(&CRC_32_ISO_HDLC);
+// Without a table, as the settings' store.
+const CRC: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&CRC_32_ISO_HDLC);
 /// Longest text; longer ones are truncated.
 pub const WORDS_BYTES_MAX: usize = 160;
 

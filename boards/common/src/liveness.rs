@@ -27,10 +27,10 @@ impl<const N: usize> Liveness<N> {
     /// Runs `future` as task number `task`. An unknown number is not monitored.
     ///
     /// The caller pins the future: moving it in would take its memory twice.
-    pub async fn watch<F: Future>(&self, task: usize, mut future: Pin<&mut F>) -> F::Output {
+    pub fn watch<F: Future>(&self, task: usize, mut future: Pin<&mut F>) -> impl Future<Output = F::Output> {
         let watched = self.0.get(task);
         let mut is_registered = false;
-        poll_fn(|context| {
+        poll_fn(move |context| {
             // A task has one waker for all its life.
             if let Some(watched) = watched.filter(|_| !is_registered) {
                 watched.waker.register(context.waker());
@@ -43,7 +43,6 @@ impl<const N: usize> Liveness<N> {
             }
             output
         })
-        .await
     }
 
     /// Wakes every task; the answers are complete once each has been polled.

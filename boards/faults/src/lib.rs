@@ -1,7 +1,11 @@
-//! What a Cortex-M board reports after a panic or a fault: recorded, kept over the reset, shown by `show log`.
+//! What a Cortex-M board keeps over a reset: what it reports after a panic or a fault, shown by `show log`, and the audit trail.
 //!
 //! Each board has its own handlers, which [`note`] the reason and restart it.
 #![no_std]
+
+// Images without an audit trail have no memory for it.
+#[cfg(feature = "audit")]
+mod kept;
 
 use core::cell::UnsafeCell;
 use core::fmt;
@@ -10,6 +14,9 @@ use core::sync::atomic::{AtomicU32, Ordering};
 
 use cortex_m_rt::ExceptionFrame;
 use mobgate_board::last_words::{LastWords, WORDS_BYTES_MAX};
+
+#[cfg(feature = "audit")] // As above.
+pub use crate::kept::audit_memory;
 
 struct Kept(UnsafeCell<MaybeUninit<LastWords>>);
 

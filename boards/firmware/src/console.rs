@@ -34,7 +34,7 @@ pub async fn run(
     settings: u32,
     firmware: &Mutex<NoopRawMutex, impl Firmware>,
     forget: bool,
-) {
+) -> ! {
     let serve = pin!(serve(board, terminal, flash, settings, firmware, forget));
     LIVENESS.watch(Task::Console as usize, serve).await
 }
@@ -46,7 +46,7 @@ async fn serve(
     settings: u32,
     firmware: &Mutex<NoopRawMutex, impl Firmware>,
     forget: bool,
-) {
+) -> ! {
     let image = trial::image(board, &mut *firmware.lock().await).await;
     // If the flash has failed, the console still runs and the store reports it.
     let flash = Mutex::<NoopRawMutex, _>::new(FlashStore::open(flash, settings, image).await);
@@ -78,7 +78,7 @@ async fn serve(
         let mut taken = Shown::new(SharedUpdate::new(firmware), board);
         let keep = pin!(gateway().keep_settings(&mut kept));
         let take = pin!(gateway().take_firmware(&crate::states::FIRMWARE, &mut taken, board));
-        embassy_futures::join::join3(keep, take, sessions).await;
+        embassy_futures::join::join3(keep, take, sessions).await.2
     };
-    embassy_futures::join::join(trial, sessions).await;
+    embassy_futures::join::join(trial, sessions).await.1
 }

@@ -97,20 +97,20 @@ pub fn start(spawner: Spawner, network: Network) {
 }
 
 #[embassy_executor::task]
-async fn router() {
+async fn router() -> ! {
     LIVENESS.watch(Task::Router as usize, pin!(gateway().route())).await
 }
 
 /// Runs port `index` over the board's `lines`.
-pub async fn port(index: usize, mut lines: impl SerialHost, network: Network) {
+pub async fn port(index: usize, mut lines: impl SerialHost, network: Network) -> ! {
     let (connector, mut datagrams) = (Connector::new(network.0), Datagrams::new(network.0));
     let run = pin!(gateway().run_port(PortId(index as u8), &mut lines, &connector, &mut datagrams));
-    LIVENESS.watch(Task::Port as usize + index, run).await
+    match LIVENESS.watch(Task::Port as usize + index, run).await {}
 }
 
 #[embassy_executor::task(pool_size = CONNECTIONS)]
-async fn connection(index: usize, network: Network) {
+async fn connection(index: usize, network: Network) -> ! {
     let mut sockets = TcpSockets::new(network.0);
     let run = pin!(gateway().run_connection(index, &mut sockets));
-    LIVENESS.watch(Task::Port as usize + PORTS + index, run).await
+    match LIVENESS.watch(Task::Port as usize + PORTS + index, run).await {}
 }

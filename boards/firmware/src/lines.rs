@@ -95,8 +95,8 @@ impl<L: Line> Drop for OpenLine<L> {
 impl<L: Line> SerialLine for OpenLine<L> {
     const RESTS: bool = L::RESTS;
 
-    async fn rest(&mut self, until: Instant) -> bool {
-        self.0.rest(until).await
+    fn rest(&mut self, until: Instant) -> impl Future<Output = bool> {
+        self.0.rest(until)
     }
 
     fn gather(&mut self, characters: usize) -> bool {
@@ -133,17 +133,17 @@ impl<L: Line> ErrorType for OpenLine<L> {
 }
 
 impl<L: Line> Read for OpenLine<L> {
-    async fn read(&mut self, into: &mut [u8]) -> Result<usize, L::Error> {
-        self.0.read(into).await
+    fn read(&mut self, into: &mut [u8]) -> impl Future<Output = Result<usize, L::Error>> {
+        self.0.read(into)
     }
 }
 
 impl<L: Line> Write for OpenLine<L> {
-    async fn write(&mut self, from: &[u8]) -> Result<usize, L::Error> {
-        self.0.write(from).await
+    fn write(&mut self, from: &[u8]) -> impl Future<Output = Result<usize, L::Error>> {
+        self.0.write(from)
     }
 
-    async fn flush(&mut self) -> Result<(), L::Error> {
-        self.0.flush().await
+    fn flush(&mut self) -> impl Future<Output = Result<(), L::Error>> {
+        self.0.flush()
     }
 }

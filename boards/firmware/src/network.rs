@@ -48,8 +48,9 @@ pub async fn stack<D: Driver>(runner: &mut Runner<D>) -> ! {
 }
 
 #[embassy_executor::task]
-async fn run_sockets(sockets: &'static Sockets) {
+async fn run_sockets(sockets: &'static Sockets) -> ! {
     let (gateway, stack) = (gateway(), sockets.stack());
     let all = pin!(join3(sockets.run(), address::follow(gateway, stack), mdns::run(gateway, stack)));
-    LIVENESS.watch(Task::Sockets as usize, all).await;
+    let (never, ..) = LIVENESS.watch(Task::Sockets as usize, all).await;
+    never
 }

@@ -71,8 +71,8 @@ impl<M: RawMutex, F: NorFlash, const PAGE: usize, const STATE_PAGE: usize> Firmw
         Ok((id, self.firmware(why).await?))
     }
 
-    async fn confirm(&mut self) -> Result<(), UpdateError> {
-        Updater::confirm(self).await
+    fn confirm(&mut self) -> impl Future<Output = Result<(), UpdateError>> {
+        Updater::confirm(self)
     }
 }
 

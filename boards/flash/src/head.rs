@@ -1,9 +1,9 @@
 //! The head: one small map item that says which copy of the text is valid.
 
-use crc::{CRC_32_ISO_HDLC, Crc, Table};
+use crc::{CRC_32_ISO_HDLC, Crc, NoTable};
 
-/// CRC over the whole text. The small table suffices: it is computed only at start-up and when saving.
-pub(crate) static CRC: Crc<u32, Table<1>> = Crc::<u32, Table<1>>::new(&CRC_32_ISO_HDLC);
+/// CRC over the whole text. Without a table, which takes 1 KiB: it is computed only at start-up and when saving.
+pub(crate) static CRC: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&CRC_32_ISO_HDLC);
 
 /// Format version. A head with another version is left alone and reported.
 const VERSION: u8 = 1;

@@ -26,4 +26,4 @@ pub mod shared;
 mod store;
 
 pub use shared::SharedStore;
-pub use store::{FlashStore, Image, TEXT_BYTES_MAX, text_bytes_max};
+pub use store::{FlashStore, Image, SECRET_BYTES, TEXT_BYTES_MAX, text_bytes_max};

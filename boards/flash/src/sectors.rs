@@ -81,8 +81,8 @@ impl<F: NorFlash> ReadNorFlash for Sectors<F> {
     // partially written word is less reliable than all of them.
     const READ_SIZE: usize = F::WRITE_SIZE;
 
-    async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), F::Error> {
-        self.flash.read(self.place(offset), bytes).await
+    fn read(&mut self, offset: u32, bytes: &mut [u8]) -> impl Future<Output = Result<(), F::Error>> {
+        self.flash.read(self.place(offset), bytes)
     }
 
     fn capacity(&self) -> usize {
@@ -94,8 +94,8 @@ impl<F: NorFlash> NorFlash for Sectors<F> {
     const WRITE_SIZE: usize = F::WRITE_SIZE;
     const ERASE_SIZE: usize = Self::SECTOR_BYTES;
 
-    async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), F::Error> {
-        self.flash.write(self.place(offset), bytes).await
+    fn write(&mut self, offset: u32, bytes: &[u8]) -> impl Future<Output = Result<(), F::Error>> {
+        self.flash.write(self.place(offset), bytes)
     }
 
     async fn erase(&mut self, from: u32, to: u32) -> Result<(), F::Error> {

@@ -5,7 +5,7 @@ use embassy_sync::mutex::{Mutex, MutexGuard};
 use embedded_storage_async::nor_flash::NorFlash;
 use mobgate::hal::{Store, StoreError};
 
-use crate::store::FlashStore;
+use crate::store::{FlashStore, SECRET_BYTES};
 
 /// A console's handle of the store. Dropping it during a save discards the unfinished version.
 pub struct SharedStore<'a, M: RawMutex, F: NorFlash> {
@@ -24,6 +24,17 @@ impl<'a, M: RawMutex, F: NorFlash> SharedStore<'a, M, F> {
     #[must_use]
     pub const fn another(&self) -> Self {
         Self::new(self.store)
+    }
+
+    /// As [`FlashStore::secret`].
+    ///
+    /// # Errors
+    /// Likewise.
+    pub async fn secret(
+        &mut self,
+        make: impl FnOnce(&mut [u8; SECRET_BYTES]) -> bool,
+    ) -> Result<[u8; SECRET_BYTES], StoreError> {
+        self.store.lock().await.secret(make).await
     }
 
     /// Locks the store, and discards what another handle left unfinished.

@@ -3,7 +3,7 @@
 //! While an image is on trial, the head stays as it is: what is saved goes to the other copy, with a head of its own that names the
 //! image. Confirming makes that the head. If another image runs at the next start, that one went back, and its head is dropped.
 
-use crc::{Digest, Table};
+use crc::{Digest, NoTable};
 use embedded_storage_async::nor_flash::NorFlash;
 use mobgate::hal::{Store, StoreError};
 use mobgate::settings::{LINE_BYTES_MAX, PORTS_MAX, ROUTES_MAX};
@@ -16,6 +16,10 @@ use sequential_storage::map::{MapConfig, MapStorage};
 
 use crate::head::{CRC, Head, TRIAL_BYTES, trial_from_bytes, trial_to_bytes};
 use crate::sectors::{SECTORS, Sectors};
+
+mod secret;
+
+pub use self::secret::SECRET_BYTES;
 
 /// Longest text: room for the network, all ports and all rules as lines of full length. The other lines share it; a longer text
 /// fails with [`StoreError::Full`].
@@ -30,7 +34,7 @@ const HEAD_KEY: u16 = u16::MAX;
 const COPY_BIT: u16 = 0x100;
 /// The key of a trial's head.
 const TRIAL_KEY: u16 = HEAD_KEY - 1;
-/// Keys of both copies and the heads.
+/// Keys of both copies and the heads. That of the secret is looked for once.
 const KEYS: usize = 2 * PIECES_MAX + 2;
 const _: () = assert!(PIECES_MAX < COPY_BIT as usize);
 
@@ -55,7 +59,8 @@ pub const fn text_bytes_max<F: NorFlash>() -> usize {
     let sector = <Sectors<F> as NorFlash>::ERASE_SIZE - 2 * F::WRITE_SIZE;
     let overhead = MapStorage::<u16, Sectors<F>, Finder>::item_overhead_size() as usize;
     let head = overhead + (KEY_BYTES + TRIAL_BYTES).next_multiple_of(F::WRITE_SIZE);
-    let pieces = (sector - 2 * head) / (2 * (overhead + KEY_BYTES + PIECE_BYTES));
+    let secret = overhead + (KEY_BYTES + SECRET_BYTES).next_multiple_of(F::WRITE_SIZE);
+    let pieces = (sector - 2 * head - secret) / (2 * (overhead + KEY_BYTES + PIECE_BYTES));
     if pieces < PIECES_MAX { pieces * PIECE_BYTES } else { TEXT_BYTES_MAX }
 }
 
@@ -96,7 +101,7 @@ pub struct FlashStore<F: NorFlash> {
 struct Next {
     copy: u8,
     length: usize,
-    digest: Digest<'static, u32, Table<1>>,
+    digest: Digest<'static, u32, NoTable>,
 }
 
 impl<F: NorFlash> FlashStore<F> {

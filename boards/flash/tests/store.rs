@@ -62,6 +62,26 @@ fn a_save_that_was_given_up_is_no_part_of_the_next_one() {
 }
 
 #[test]
+fn a_secret_is_made_once_and_survives_any_number_of_saves() {
+    let flash = FineFlash::new(2, 6);
+    let mut store = open(&flash);
+    let no_numbers = block_on(store.secret(|_| false)).unwrap_err();
+    assert!(no_numbers.to_string().contains("no random numbers"));
+    let made = block_on(store.secret(|secret| {
+        *secret = *b"32 bytes that nobody else knows!";
+        true
+    }));
+    assert_eq!(made, Ok(*b"32 bytes that nobody else knows!"));
+    let most = vec![b'x'; text_bytes_max::<FineFlash>()];
+    for _ in 0..50 {
+        save(&mut store, &most).unwrap();
+        save(&mut store, b"").unwrap();
+    }
+    let kept = block_on(open(&flash).secret(|_| panic!("there is one")));
+    assert_eq!(kept, made);
+}
+
+#[test]
 fn what_is_damaged_is_said_to_be_and_can_be_saved_over() {
     let flash = Flash::new(2, 4);
     save(&mut open(&flash), b"port P1\n").unwrap();

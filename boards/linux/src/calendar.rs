@@ -1,7 +1,14 @@
 //! Dates: the machine's calendar for what the gateway's clock, which never jumps, has noted.
 
+use std::time::SystemTime;
+
 use embassy_time::Instant;
 use jiff::{SignedDuration, Timestamp};
+
+/// The date of now, with which those of certificates are compared.
+pub fn now() -> SystemTime {
+    Timestamp::now().into()
+}
 
 /// The date of `at` by the calendar of now.
 pub fn date(at: Instant) -> Timestamp {

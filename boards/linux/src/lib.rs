@@ -34,6 +34,7 @@ pub mod stdio;
 pub mod store;
 pub mod syslog;
 pub mod tcp;
+pub mod tls;
 pub mod tty;
 pub mod udp;
 mod versions;

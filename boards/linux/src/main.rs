@@ -14,13 +14,13 @@ use embassy_time::{Duration, Instant, Timer};
 use mobgate::capture::Capture;
 use mobgate::fieldbus::EthercatState;
 use mobgate::frame::{FramePool, Slot};
-use mobgate::gateway::audit::{Actor, Topic};
+use mobgate::gateway::audit::{Actor, AuditMemory, Topic};
 use mobgate::gateway::reconfigure;
 use mobgate::gateway::{Candidate, Connection, Gateway, Ports};
 use mobgate::hal::{OpenError, System};
 use mobgate::scanner::ScannerState;
 use mobgate::settings::{
-    PORTS_MAX, PasswordHash, Port, PortId, PortKind, Settings, StreamFraming, TcpListen,
+    Certificate, PORTS_MAX, PasswordHash, Port, PortId, PortKind, Settings, StreamFraming, TcpListen,
 };
 use mobgate::web;
 use mobgate_linux::cli::{Instead, Options};
@@ -31,11 +31,12 @@ use mobgate_linux::signals::{Signal as Caught, Signals};
 use mobgate_linux::start;
 use mobgate_linux::stdio::RawMode;
 use mobgate_linux::store::FileStore;
+use mobgate_linux::syslog::SyslogSockets;
 use mobgate_linux::tcp::{Connector, TcpSockets};
 use mobgate_linux::udp::Datagrams;
 use mobgate_linux::{
     calendar, capture, console, describe, ethercat, executor, logging, mdns, passwords, service, settings,
-    ssh, syslog, tty,
+    ssh, tls, tty,
 };
 use rustix::process::geteuid;
 use rustix::rand::{GetRandomFlags, getrandom};
@@ -55,11 +56,13 @@ static PORT_STATES: Ports<PORTS_MAX> = Ports::new();
 static CONNECTION_STATES: [Connection; CONNECTIONS] = [const { Connection::new() }; CONNECTIONS];
 static POINTS: ScannerState = ScannerState::new();
 static CANDIDATE: Candidate = Candidate::new();
+static AUDIT: AuditMemory = AuditMemory::new();
 static CAPTURE: Capture = Capture::new();
 /// The gateway as an EtherCAT SubDevice.
 static ETHERCAT: EthercatState = EthercatState::long();
 static GATEWAY: Gateway<'static> = Gateway::new(&POOL, &PORT_STATES, &CONNECTION_STATES)
     .with_candidate(&CANDIDATE)
+    .with_audit(&AUDIT)
     .with_scanner(&POINTS)
     .with_ethercat_interfaces(&ETHERCAT)
     .with_capture(&CAPTURE)
@@ -83,18 +86,18 @@ enum End {
 }
 
 #[embassy_executor::task]
-async fn router() {
+async fn router() -> ! {
     GATEWAY.route().await
 }
 
 #[embassy_executor::task(pool_size = PORTS_MAX)]
-async fn port(id: PortId, mut lines: Lines) {
-    GATEWAY.run_port(id, &mut lines, &Connector, &mut Datagrams).await
+async fn port(id: PortId, mut lines: Lines) -> ! {
+    match GATEWAY.run_port(id, &mut lines, &Connector, &mut Datagrams).await {}
 }
 
 #[embassy_executor::task(pool_size = CONNECTIONS)]
-async fn connection(index: usize, mut sockets: TcpSockets) {
-    GATEWAY.run_connection(index, &mut sockets).await
+async fn connection(index: usize, mut sockets: TcpSockets) -> ! {
+    match GATEWAY.run_connection(index, &mut sockets).await {}
 }
 
 #[embassy_executor::task]
@@ -124,13 +127,18 @@ async fn commits() {
 }
 
 #[embassy_executor::task]
+async fn certificates() {
+    tls::watch(&GATEWAY).await
+}
+
+#[embassy_executor::task]
 async fn service_manager() {
     service::run().await
 }
 
 #[embassy_executor::task]
 async fn audit_trail() {
-    join(GATEWAY.settle_audits(), syslog::run(&GATEWAY)).await;
+    join(GATEWAY.settle_audits(), GATEWAY.forward_audit(&mut SyslogSockets)).await;
 }
 
 #[embassy_executor::task]
@@ -204,6 +212,10 @@ impl System for Process {
         Some(write!(out, "{:.0}", calendar::date(at)))
     }
 
+    fn write_certificate(&self, certificate: &Certificate, out: &mut dyn fmt::Write) -> Option<fmt::Result> {
+        Some(tls::write(certificate, out))
+    }
+
     async fn is_password(&self, hash: Option<&str>, password: &str) -> bool {
         passwords::is_right(hash, password).await
     }
@@ -246,6 +258,12 @@ fn check(file: &Path) -> Result<(), String> {
     block_on(settings::read(&GATEWAY, &mut store, &mut settings))?;
     GATEWAY.apply(&settings).map_err(|error| format!("{}: {error}", file.display()))?;
     settings.warnings().for_each(|warning| println!("{}: {warning}", file.display()));
+    for certificate in settings.certificates() {
+        let state = tls::state(certificate);
+        if !state.is_empty() {
+            println!("{}: certificate {}: {state}", file.display(), certificate.name);
+        }
+    }
     println!("{}: good", file.display());
     Ok(())
 }
@@ -268,6 +286,7 @@ fn run(options: Options) -> Result<End, String> {
     CAPTURE.set_epoch(capture::epoch_us());
     reconfigure::take_over(&GATEWAY, &mut store, &start.settings).map_err(|error| error.to_string())?;
     audit_start(&options);
+    tls::start(&GATEWAY);
     let is_ssh = |port: &Port| matches!(&port.kind, PortKind::TcpServer(server) if server.framing == StreamFraming::Ssh);
     ssh::start(&GATEWAY, options.config.clone(), start.settings.ports.iter().flatten().any(is_ssh));
     start.settings.warnings().for_each(|warning| log::warn!("{warning}"));
@@ -334,6 +353,7 @@ fn spawn(
     spawner.spawn(capture_into_file().unwrap());
     spawner.spawn(audit_trail().unwrap());
     spawner.spawn(found_on_the_network().unwrap());
+    spawner.spawn(certificates().unwrap());
     spawner.spawn(service_manager().unwrap());
     spawner.spawn(commits().unwrap());
     let [sessions, by_ssh] = [SESSIONS_MAX, ssh::SESSIONS_MAX].map(|count| {

@@ -10,11 +10,12 @@ use mobgate::language::{apply, write_line};
 use mobgate::settings::{LINE_BYTES_MAX, Settings};
 
 /// First words of the lines, in the order in which a text needs them.
-const KINDS: [&str; 8] = ["network", "mdns", "port", "server", "route", "device", "point", "slave"];
+const KINDS: [&str; 9] =
+    ["network", "mdns", "certificate", "port", "server", "route", "device", "point", "slave"];
 const NETWORK: usize = 0;
 const MDNS: usize = 1;
-const SERVER: usize = 3;
-const ROUTE: usize = 4;
+const SERVER: usize = 4;
+const ROUTE: usize = 5;
 const BYTE_ORDER_MARK: &str = "\u{feff}";
 
 /// Changes the text `old` to mean the same as `new`, which is printed settings.

@@ -41,7 +41,7 @@ const LOG_IN_MAX: Duration = Duration::from_secs(60);
 const ATTEMPTS_MAX: usize = 10;
 /// A refusal takes this long, whatever the reason.
 const REFUSAL: Duration = Duration::from_millis(300);
-/// A client that sends nothing for this long is asked whether it is there; it is not after as many questions.
+/// A client that sends nothing for this long gets a keepalive; after this many without a response it is gone.
 const KEEPALIVE: Duration = Duration::from_secs(60);
 const KEEPALIVES_MAX: usize = 3;
 /// A connection without a packet for this long is closed. Sessions end earlier: their console ends them.
@@ -172,7 +172,7 @@ fn config(key: PrivateKey) -> Config {
         },
         max_auth_attempts: ATTEMPTS_MAX,
         auth_rejection_time: REFUSAL,
-        // The question which methods there are.
+        // A request for the list of methods.
         auth_rejection_time_initial: Some(Duration::ZERO),
         inactivity_timeout: Some(IDLE_MAX),
         keepalive_interval: Some(KEEPALIVE),

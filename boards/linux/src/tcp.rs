@@ -13,9 +13,10 @@ use embassy_time::{Duration, Timer};
 use embedded_io_async::{ErrorType, Read, Write};
 use futures_lite::future::or;
 use mobgate::hal::{self, OpenError, TcpHost};
-use mobgate::settings::{PortId, TcpListen};
+use mobgate::settings::{ClientRole, PortId, ServerAddress, TcpListen};
 
 use crate::descriptor::Descriptor;
+use crate::tls::{self, Session};
 use crate::{exposure, ssh};
 
 mod connector;
@@ -67,6 +68,10 @@ impl TcpHost for TcpSockets {
         exposure::public_address(listen)
     }
 
+    fn prepare_tls(&self, port: PortId) -> Result<(), OpenError> {
+        tls::prepare(port)
+    }
+
     async fn accept(&mut self, listen: &TcpListen) -> Result<(TcpStream, SocketAddr), OpenError> {
         let listener = self.open(listen)?;
         self.next = None;
@@ -79,17 +84,29 @@ impl TcpHost for TcpSockets {
 #[derive(Debug)]
 pub struct TcpStream {
     io: Descriptor<std::net::TcpStream>,
+    /// Once TLS has begun.
+    session: Option<Box<Session>>,
     /// Keeps the listener open while its only connection task is busy, so that new clients are not refused.
     _listener: Option<Rc<Listener>>,
 }
 
 impl TcpStream {
     fn new(io: Descriptor<std::net::TcpStream>, listener: Option<Rc<Listener>>) -> Self {
-        Self { io, _listener: listener }
+        Self { io, session: None, _listener: listener }
     }
 }
 
 impl hal::TcpStream for TcpStream {
+    async fn secure(
+        &mut self,
+        port: PortId,
+        server: Option<&ServerAddress>,
+    ) -> Result<ClientRole, OpenError> {
+        let (session, role) = tls::begin(&mut self.io, port, server).await?;
+        self.session = Some(Box::new(session));
+        Ok(role)
+    }
+
     async fn serve_ssh(&mut self, port: PortId, peer: SocketAddr, logged_in: &dyn Fn()) {
         ssh::serve(self.io.get_ref(), port, peer, logged_in).await
     }
@@ -97,6 +114,9 @@ impl hal::TcpStream for TcpStream {
     async fn close(mut self) {
         // A socket closed with unread bytes sends a reset, which may overtake the last response: read them first.
         let drain = async {
+            if let Some(session) = &mut self.session {
+                let _ = session.close(&mut self.io).await;
+            }
             if self.io.get_ref().shutdown(Shutdown::Write).is_ok() {
                 let mut rest = [0; 1024];
                 while self.read(&mut rest).await.is_ok_and(|count| count > 0) {}
@@ -120,14 +140,20 @@ impl ErrorType for TcpStream {
 }
 
 impl Read for TcpStream {
-    fn read(&mut self, into: &mut [u8]) -> impl Future<Output = io::Result<usize>> {
-        self.io.read_stream(into, |mut stream, into| stream.read(into))
+    async fn read(&mut self, into: &mut [u8]) -> io::Result<usize> {
+        match &mut self.session {
+            None => self.io.read_stream(into, |mut stream, into| stream.read(into)).await,
+            Some(session) => session.read(&mut self.io, into).await,
+        }
     }
 }
 
 impl Write for TcpStream {
-    fn write(&mut self, from: &[u8]) -> impl Future<Output = io::Result<usize>> {
-        self.io.write_with(|mut stream| stream.write(from))
+    async fn write(&mut self, from: &[u8]) -> io::Result<usize> {
+        match &mut self.session {
+            None => self.io.write_with(|mut stream| stream.write(from)).await,
+            Some(session) => session.write(&mut self.io, from).await,
+        }
     }
 
     /// Nothing is buffered: Nagle is off.

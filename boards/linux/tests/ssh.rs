@@ -66,7 +66,11 @@ impl Gateway {
 
     /// ssh(1) as `user` with the key of this name.
     fn by_key(&self, user: &str, key: &str) -> Command {
-        let mut command = Command::new("ssh");
+        self.with_key(Command::new("ssh"), user, key)
+    }
+
+    /// The same by a command that may have options of its own.
+    fn with_key(&self, mut command: Command, user: &str, key: &str) -> Command {
         command.args(["-o", "BatchMode=yes", "-i"]).arg(self.file(key)).args(self.arguments(user));
         command.stdin(Stdio::null());
         command
@@ -264,27 +268,19 @@ fn nothing_but_sessions_is_served() {
     let gateway = Gateway::start("");
     let (said, status) = run(gateway.by_key("anna", "good").arg("-s"), "sftp");
     assert!(said.contains("subsystem request failed") && status == NO_SESSION, "{status}: {said}");
-    let forward = ["-o", "ExitOnForwardFailure=yes", "-R", "0:127.0.0.1:9"];
-    let (said, status) = run(
-        Command::new("ssh")
-            .args(forward)
-            .args(["-o", "BatchMode=yes", "-i"])
-            .arg(gateway.file("good"))
-            .args(gateway.arguments("anna")),
-        "show version",
-    );
+    let with = |options: &[&str]| {
+        let mut command = Command::new("ssh");
+        command.args(options);
+        run(&mut gateway.with_key(command, "anna", "good"), "show version")
+    };
+    let (said, status) = with(&["-o", "ExitOnForwardFailure=yes", "-R", "0:127.0.0.1:9"]);
     assert!(said.contains("forwarding failed") && status == NO_SESSION, "{status}: {said}");
     for old in [
         "Ciphers=aes128-ctr",
         "KexAlgorithms=diffie-hellman-group14-sha256",
         "HostKeyAlgorithms=rsa-sha2-512",
     ] {
-        let mut command = Command::new("ssh");
-        command
-            .args(["-o", old, "-o", "LogLevel=INFO", "-o", "BatchMode=yes", "-i"])
-            .arg(gateway.file("good"))
-            .args(gateway.arguments("anna"));
-        let (said, status) = run(&mut command, "show version");
+        let (said, status) = with(&["-o", old, "-o", "LogLevel=INFO"]);
         assert!(said.contains("Unable to negotiate") && status == NO_SESSION, "{old}: {status}: {said}");
     }
 }

@@ -17,10 +17,10 @@ use crate::syn::{SYN_BYTES_MAX, Syn};
 const LISTENING_MAX: usize = 2;
 /// SYNs that wait. Those of further clients are lost, and sent again after a second.
 const WAITING_MAX: usize = 8;
-/// A socket that still listens so long after it was to take a SYN has not taken it: the stack had a reason to ignore the frame.
+/// A socket that still listens this long after it was given a SYN has not taken it: the stack had a reason to ignore the frame.
 const TAKEN_WITHIN: Duration = Duration::from_millis(100);
 
-/// A moment in ticks. They come round after an hour, so that once in a while a free socket may seem to have been given a SYN.
+/// A time in ticks. It wraps after an hour: once in a while a free socket may seem to have been given a SYN.
 type Moment = u32;
 type Frame = Vec<u8, SYN_BYTES_MAX, u8>;
 

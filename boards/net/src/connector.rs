@@ -2,6 +2,7 @@
 
 use core::net::{IpAddr, Ipv4Addr};
 
+use embassy_net::Stack;
 use embassy_net::tcp::ConnectError;
 use mobgate::hal::{OpenError, OpenErrorKind, TcpConnect};
 use mobgate::settings::{Host, ServerAddress};
@@ -25,14 +26,7 @@ impl TcpConnect for Connector {
     type Stream<'a> = TcpStream;
 
     async fn connect(&self, server: &ServerAddress) -> Result<TcpStream, OpenError> {
-        let address = match &server.host {
-            Host::Address(IpAddr::V4(address)) => *address,
-            Host::Address(IpAddr::V6(_)) => return Err(IPV4_ONLY),
-            Host::Name(name) => names::look_up(self.0.stack(), name).await?,
-        };
-        if !has_way(self.0, address) {
-            return Err(refusal(ConnectError::NoRoute));
-        }
+        let address = address_of(self.0.stack(), server).await?;
         let mut pooled = self.0.tcp()?;
         pooled.get().connect((address, server.port)).await.map_err(refusal)?;
         // After the handshake, whose time the caller limits.
@@ -41,9 +35,16 @@ impl TcpConnect for Connector {
     }
 }
 
-/// Whether there is a route to `server`; embassy-net would wait for ever.
-fn has_way(sockets: &Sockets, server: Ipv4Addr) -> bool {
-    sockets.stack().config_v4().is_some_and(|own| own.gateway.is_some() || own.address.contains_addr(&server))
+/// The address of `server`, if there is a route to it; embassy-net would wait for ever.
+pub(crate) async fn address_of(stack: Stack<'static>, server: &ServerAddress) -> Result<Ipv4Addr, OpenError> {
+    let address = match &server.host {
+        Host::Address(IpAddr::V4(address)) => *address,
+        Host::Address(IpAddr::V6(_)) => return Err(IPV4_ONLY),
+        Host::Name(name) => names::look_up(stack, name).await?,
+    };
+    let own = stack.config_v4();
+    let has_way = own.is_some_and(|own| own.gateway.is_some() || own.address.contains_addr(&address));
+    if has_way { Ok(address) } else { Err(refusal(ConnectError::NoRoute)) }
 }
 
 /// Maps embassy-net's error to the user's.

@@ -9,28 +9,46 @@
 #![deny(unsafe_code)]
 
 pub mod address;
+// Images without an audit trail have nothing to send, and need no time for it.
+#[cfg(feature = "audit")]
+mod audit;
 mod backlog;
 mod closing;
 mod connector;
+// Images without it have no console by network; also below.
+#[cfg(feature = "ssh")]
+mod lobby;
 pub mod mdns;
 // Images without server names need no resolver.
 #[cfg_attr(not(feature = "servers"), path = "no_names.rs")]
 mod names;
 mod pool;
 mod queued;
+#[cfg(feature = "audit")] // As above.
+mod sntp;
+// Images without it have no console by network.
+#[cfg(feature = "ssh")]
+mod ssh;
 mod syn;
+#[cfg(feature = "audit")] // As above.
+mod syslog;
 mod tcp;
 mod udp;
 
+#[cfg(feature = "audit")] // As above.
+pub use audit::follow_audit;
 pub use backlog::Backlog;
 pub use connector::Connector;
+#[cfg(feature = "ssh")]
+pub use lobby::SSH_SESSIONS_MAX;
 pub use pool::Sockets;
 pub use queued::{Queued, Received};
 pub use tcp::{TcpSockets, TcpStream};
 pub use udp::{Datagram, Datagrams};
 
-/// Sockets that a stack's resources need besides those of [`Sockets`]: DHCP, multicast DNS, and DNS look-ups.
-pub const STACK_SOCKETS: usize = if cfg!(feature = "servers") { 3 } else { 2 };
+/// Sockets that a stack's resources need besides those of [`Sockets`]: DHCP, multicast DNS, DNS look-ups, syslog and time.
+pub const STACK_SOCKETS: usize =
+    2 + cfg!(feature = "servers") as usize + 2 * cfg!(feature = "audit") as usize;
 
 /// Most sockets in a pool.
 pub const SOCKETS_MAX: usize = 24;

@@ -24,7 +24,7 @@ const ALL: IpEndpoint = IpEndpoint::new(IpAddress::Ipv4(GROUP), PORT);
 
 /// Answers while the settings of `gateway` announce something at `stack`; never returns. Withdrawn records expire after two
 /// minutes: a board does not remember what it has announced, so it sends no farewell.
-pub async fn run(gateway: &Gateway<'_>, stack: Stack<'static>) {
+pub async fn run(gateway: &Gateway<'_>, stack: Stack<'static>) -> ! {
     let (mut received, mut sent) = ([PacketMetadata::EMPTY; 1], [PacketMetadata::EMPTY; 1]);
     let (mut query, mut answers) = ([0; QUERY_BYTES_MAX], [0; MESSAGE_BYTES]);
     let mut socket = UdpSocket::new(stack, &mut received, &mut query, &mut sent, &mut answers);
@@ -70,7 +70,7 @@ pub async fn run(gateway: &Gateway<'_>, stack: Stack<'static>) {
 }
 
 /// A board's unique default name.
-fn own_name([.., a, b, c]: [u8; 6]) -> String<HOST_NAME_BYTES_MAX> {
+pub(crate) fn own_name([.., a, b, c]: [u8; 6]) -> String<HOST_NAME_BYTES_MAX> {
     let mut name = String::new();
     // It fits.
     let _ = write!(name, "mobgate-{a:02x}{b:02x}{c:02x}");

@@ -14,6 +14,8 @@ use mobgate::hal::{OpenError, OpenErrorKind};
 use crate::SOCKETS_MAX;
 use crate::backlog::Backlog;
 use crate::closing::end;
+#[cfg(feature = "ssh")] // Images without it have no console by network; also below.
+use crate::lobby::Lobby;
 
 /// The sockets that a board can have open at a time.
 ///
@@ -29,6 +31,8 @@ pub struct Sockets {
     /// Dropped connections, whose peers are still to be told, by the numbers of their buffers.
     dropped: RefCell<[Option<TcpSocket<'static>>; SOCKETS_MAX]>,
     news: Signal<NoopRawMutex, ()>,
+    #[cfg(feature = "ssh")]
+    pub(crate) lobby: Lobby<PooledTcp>,
 }
 
 impl Sockets {
@@ -42,7 +46,17 @@ impl Sockets {
         let free = Cell::new((1 << buffers.len().min(SOCKETS_MAX)) - 1);
         let buffers = NonNull::from(buffers.as_flattened_mut()).cast();
         let dropped = RefCell::new([const { None }; SOCKETS_MAX]);
-        Self { stack, backlog, buffers, buffer_bytes: N, free, dropped, news: Signal::new() }
+        Self {
+            stack,
+            backlog,
+            buffers,
+            buffer_bytes: N,
+            free,
+            dropped,
+            news: Signal::new(),
+            #[cfg(feature = "ssh")]
+            lobby: Lobby::new(),
+        }
     }
 
     /// The sockets' network stack.
@@ -88,6 +102,12 @@ impl PooledTcp {
     pub(crate) fn new(mut lease: Lease) -> Self {
         let (receive, transmit) = lease.halves();
         Self { socket: TcpSocket::new(lease.sockets.stack, receive, transmit), lease }
+    }
+
+    /// The pool that it is of.
+    #[cfg(feature = "ssh")] // As above.
+    pub(crate) fn sockets(&self) -> &'static Sockets {
+        self.lease.sockets
     }
 
     pub(crate) fn get(&mut self) -> &mut TcpSocket<'static> {

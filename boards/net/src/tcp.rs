@@ -14,6 +14,8 @@ use mobgate::hal::{self, OpenError, OpenErrorKind, TcpHost};
 use mobgate::settings::TcpListen;
 
 use crate::closing::end;
+#[cfg(feature = "ssh")] // Images without it have no console by network; also below.
+use crate::lobby::Guest;
 use crate::pool::{Lease, PooledTcp, Sockets};
 
 /// A peer that acknowledges nothing for this long is gone.
@@ -120,6 +122,16 @@ impl TcpStream {
 }
 
 impl hal::TcpStream for TcpStream {
+    #[cfg(feature = "ssh")]
+    async fn serve_ssh(&mut self, port: mobgate::settings::PortId, peer: SocketAddr, logged_in: &dyn Fn()) {
+        let Some(sockets) = self.0.as_ref().map(PooledTcp::sockets) else { return };
+        // The connection stays here, and is ended in order, until it is taken over.
+        let Some(seat) = sockets.lobby.free_seat().await else { return };
+        if let Some(connection) = self.0.take() {
+            seat.take(Guest { connection, port, peer: peer.ip() }, logged_in).await;
+        }
+    }
+
     async fn close(mut self) {
         if let Some(mut pooled) = self.0.take() {
             end(pooled.get()).await;

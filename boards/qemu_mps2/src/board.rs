@@ -1,5 +1,8 @@
 //! The console's interface to the board, and the default settings.
 
+// As their feature.
+#[cfg(feature = "users")]
+use core::cell::RefCell;
 use core::fmt::Write;
 
 use cortex_m::peripheral::SCB;
@@ -16,12 +19,15 @@ use mobgate::language::Loader;
 use mobgate_board::last_words::WORDS_BYTES_MAX;
 use mobgate_flash::{FlashStore, Image, SharedStore};
 use mobgate_net::{Sockets, address};
+#[cfg(feature = "users")] // As above.
+use mobgate_passwords::Passwords;
 use static_cell::StaticCell;
 
 use crate::faults;
 use crate::flash::FileFlash;
+use crate::gateway::GATEWAY;
 use crate::lines::CONSOLE;
-use crate::semihosting::CommandLine;
+use crate::semihosting::{self, CommandLine};
 use crate::uart::{DIVISOR_MIN, Line};
 
 /// Settings while none are saved: each line has its own range of units.
@@ -34,6 +40,9 @@ route P502 1-64    * * P1
 route P502 65-128  * * P2
 route P502 129-247 * * P3
 ";
+
+/// The emulator has no boot loader.
+pub(crate) const NO_UPDATE: NoUpdate = NoUpdate("QEMU starts the image that it is given");
 
 /// Storage of the settings.
 pub(crate) type Store = SharedStore<'static, NoopRawMutex, FileFlash>;
@@ -57,11 +66,19 @@ pub(crate) fn load(gateway: &Gateway<'_>) -> Store {
     store
 }
 
+// As their feature.
+#[cfg(feature = "users")]
+static PASSWORDS: static_cell::ConstStaticCell<Passwords> =
+    static_cell::ConstStaticCell::new(Passwords::new());
+
 /// This board.
 pub(crate) struct Board {
     sockets: &'static Sockets,
     /// Why the last run ended, if it was a fault.
     last_words: Option<String<WORDS_BYTES_MAX>>,
+    // As their feature.
+    #[cfg(feature = "users")]
+    passwords: RefCell<&'static mut Passwords>,
 }
 
 impl Board {
@@ -71,7 +88,14 @@ impl Board {
         if last_words.is_none() && CommandLine::read().has("fault") {
             faults::touch_nothing();
         }
-        Self { sockets, last_words }
+        GATEWAY.audit_start("started by power or a reset", last_words.as_deref());
+        Self {
+            sockets,
+            last_words,
+            // As above.
+            #[cfg(feature = "users")]
+            passwords: RefCell::new(PASSWORDS.take()),
+        }
     }
 }
 
@@ -89,20 +113,37 @@ impl System for Board {
         Some(write!(out, "the last run ended: {words}"))
     }
 
+    // As their feature.
+    #[cfg(feature = "users")]
+    async fn is_password(&self, hash: Option<&str>, password: &str) -> bool {
+        self.passwords.borrow_mut().is_right(hash, password)
+    }
+
+    #[cfg(feature = "users")] // As above.
+    async fn hash_password(&self, password: &str) -> Option<mobgate::settings::PasswordHash> {
+        let mut salt = [0; mobgate_passwords::SALT_BYTES];
+        self.random(&mut salt).then(|| self.passwords.borrow_mut().hash(password, salt))?
+    }
+
+    /// The host's.
+    fn random(&self, into: &mut [u8]) -> bool {
+        semihosting::random(into).is_ok()
+    }
+
     fn reboot(&self) {
         SCB::sys_reset();
     }
 }
 
 /// Serves the terminal on UART 0, and saves the settings when an EtherCAT MainDevice requests it; never returns.
-pub(crate) async fn console(gateway: &Gateway<'_>, mut store: Store, board: Board) {
+pub(crate) async fn console(gateway: &Gateway<'_>, mut store: Store, board: &Board) {
     let mut line = Line::open(CONSOLE, DIVISOR_MIN);
     let mut kept = store.another();
-    let mut update = NoUpdate("QEMU starts the image that it is given");
+    let mut update = NO_UPDATE;
     let sessions = async {
         loop {
             // After `exit` a new session begins: there is no shell to return to.
-            let Ok(_) = console::run(gateway, &mut line, &mut store, &mut update, &board, Mode::Echo).await;
+            let Ok(_) = console::run(gateway, &mut line, &mut store, &mut update, board, Mode::Echo).await;
         }
     };
     join(gateway.keep_settings(&mut kept), sessions).await;

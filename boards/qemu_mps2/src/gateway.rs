@@ -26,5 +26,9 @@ pub(crate) static GATEWAY: Gateway<'static> = crate::ethercat::join(gateway());
 pub(crate) static GATEWAY: Gateway<'static> = gateway();
 
 const fn gateway() -> Gateway<'static> {
-    Gateway::new(&POOL, &PORT_STATES, &CONNECTION_STATES).with_own_network().with_capture(&CAPTURE)
+    let gateway = Gateway::new(&POOL, &PORT_STATES, &CONNECTION_STATES).with_own_network();
+    // As above.
+    #[cfg(feature = "audit")]
+    let gateway = gateway.with_audit(mobgate_faults::audit_memory());
+    gateway.with_capture(&CAPTURE)
 }

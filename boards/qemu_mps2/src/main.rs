@@ -19,6 +19,8 @@ mod network;
 mod register;
 mod ring;
 mod semihosting;
+#[cfg(feature = "ssh")] // As above.
+mod ssh;
 mod transmitter;
 mod uart;
 mod vectors;
@@ -26,6 +28,7 @@ mod vectors;
 use embassy_net::Runner;
 use mobgate::settings::PortId;
 use mobgate_net::{Connector, Datagrams, Queued, Sockets, TcpSockets};
+use static_cell::StaticCell;
 
 use crate::board::{Board, Store};
 use crate::ethernet::Ethernet;
@@ -34,18 +37,18 @@ use crate::lines::{FIGURES, Lines};
 use crate::uart::{DIVISOR_MIN, Line};
 
 #[embassy_executor::task]
-async fn router() {
+async fn router() -> ! {
     GATEWAY.route().await
 }
 
 #[embassy_executor::task(pool_size = PORTS)]
-async fn port(id: PortId, sockets: &'static Sockets) {
-    GATEWAY.run_port(id, &mut Lines, &Connector::new(sockets), &mut Datagrams::new(sockets)).await
+async fn port(id: PortId, sockets: &'static Sockets) -> ! {
+    match GATEWAY.run_port(id, &mut Lines, &Connector::new(sockets), &mut Datagrams::new(sockets)).await {}
 }
 
 #[embassy_executor::task(pool_size = CONNECTIONS)]
-async fn connection(index: usize, sockets: &'static Sockets) {
-    GATEWAY.run_connection(index, &mut TcpSockets::new(sockets)).await
+async fn connection(index: usize, sockets: &'static Sockets) -> ! {
+    match GATEWAY.run_connection(index, &mut TcpSockets::new(sockets)).await {}
 }
 
 #[embassy_executor::task]
@@ -59,7 +62,7 @@ async fn network_care(sockets: &'static Sockets) {
 }
 
 #[embassy_executor::task]
-async fn console(store: Store, board: Board) {
+async fn console(store: Store, board: &'static Board) {
     board::console(&GATEWAY, store, board).await
 }
 
@@ -77,6 +80,8 @@ fn main() -> ! {
     uart::start();
     let store = board::load(&GATEWAY);
     let (sockets, runner) = GATEWAY.settings(|settings| network::start(&settings.own_network()));
+    static BOARD: StaticCell<Board> = StaticCell::new();
+    let board: &Board = BOARD.init(Board::new(sockets));
     executor::run(|spawner| {
         // Each pool has room for the tasks spawned here, and this runs once.
         spawner.spawn(router().unwrap());
@@ -84,7 +89,9 @@ fn main() -> ! {
         (0..CONNECTIONS).for_each(|index| spawner.spawn(connection(index, sockets).unwrap()));
         spawner.spawn(network(runner).unwrap());
         spawner.spawn(network_care(sockets).unwrap());
-        spawner.spawn(console(store, Board::new(sockets)).unwrap());
+        #[cfg(feature = "ssh")] // As above.
+        ssh::start(spawner, sockets, store.another(), board);
+        spawner.spawn(console(store, board).unwrap());
         #[cfg(feature = "ethercat")] // As above.
         ethercat::start(spawner);
         spawner.spawn(figures(sockets).unwrap());

@@ -33,8 +33,8 @@ pub(crate) fn start(setting: &OwnNetwork) -> (&'static Sockets, Runner<'static, 
     (POOL.init(Sockets::new(stack, backlog, BUFFERS.take())), runner)
 }
 
-/// The network's background jobs: closing connections, following the settings, multicast DNS, and logging the link state.
-pub(crate) async fn care(gateway: &Gateway<'_>, sockets: &'static Sockets) {
+/// The network's background jobs: the audit trail, closing connections, following the settings, multicast DNS, and logging the link state.
+pub(crate) async fn care(gateway: &'static Gateway<'static>, sockets: &'static Sockets) {
     let stack = sockets.stack();
     let announce = async {
         loop {
@@ -46,5 +46,9 @@ pub(crate) async fn care(gateway: &Gateway<'_>, sockets: &'static Sockets) {
             log::info!("network down");
         }
     };
-    join4(sockets.run(), address::follow(gateway, stack), mdns::run(gateway, stack), announce).await;
+    let all = join4(sockets.run(), address::follow(gateway, stack), mdns::run(gateway, stack), announce);
+    // The image without an audit trail has nothing to send.
+    #[cfg(feature = "audit")]
+    let all = embassy_futures::join::join(all, mobgate_net::follow_audit(gateway, sockets));
+    all.await;
 }

@@ -78,6 +78,13 @@ impl File {
         if missing == 0 { Ok(()) } else { Err(HostError) }
     }
 
+    /// Reads what comes next; of a file without a beginning, too.
+    pub(crate) fn read_next(&mut self, into: &mut [u8]) -> Result<(), HostError> {
+        // SAFETY: as in `open_as`. The call returns 0 on success.
+        let missing = unsafe { syscall!(READ, self.0, into.as_mut_ptr(), into.len()) };
+        if missing == 0 { Ok(()) } else { Err(HostError) }
+    }
+
     pub(crate) fn write(&mut self, offset: u32, from: &[u8]) -> Result<(), HostError> {
         // SAFETY: as in `open_as`.
         let missing =
@@ -116,6 +123,16 @@ pub(crate) fn start_log() {
 pub(crate) fn host_time() -> usize {
     // SAFETY: the call takes no arguments and returns a number.
     unsafe { syscall!(TIME) }
+}
+
+/// Random numbers of the host: an emulated board has none of its own.
+pub(crate) fn random(into: &mut [u8]) -> Result<(), HostError> {
+    let source = File::open_as("/dev/urandom", "", nr::open::R_BINARY)?;
+    // SAFETY: as in `open_as`. Both calls return 0 on success.
+    let missing = unsafe { syscall!(READ, source.0, into.as_mut_ptr(), into.len()) };
+    // SAFETY: likewise.
+    unsafe { syscall!(CLOSE, source.0) };
+    if missing == 0 { Ok(()) } else { Err(HostError) }
 }
 
 /// Exits the emulator with a non-zero status.

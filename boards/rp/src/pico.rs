@@ -144,12 +144,12 @@ async fn chip(wires: Wires, address: [u8; 6], state: &'static Chip) -> ! {
 }
 
 #[embassy_executor::task(pool_size = PORTS)]
-async fn port(index: usize, lines: Lines<PioLine>, network: Network) {
+async fn port(index: usize, lines: Lines<PioLine>, network: Network) -> ! {
     gateway::port(index, lines, network).await
 }
 
 #[embassy_executor::task]
-async fn serve(mut board: Board, mut port: Console, flash: ChipFlash, info: &'static Info, forget: bool) {
+async fn serve(mut board: Board, mut port: Console, flash: ChipFlash, info: &'static Info, forget: bool) -> ! {
     let flash = SharedFlash::new(flash);
     let firmware = Mutex::new(updater(&flash, *info));
     terminal::run(&mut board, &mut port, settings(&flash), 0, &firmware, forget).await

@@ -83,11 +83,11 @@ pub(crate) fn start(spawner: Spawner, wires: Wires) {
 }
 
 #[embassy_executor::task]
-async fn run(wires: Wires) {
+async fn run(wires: Wires) -> ! {
     LIVENESS.watch(Task::Ethercat as usize, pin!(serve_controller(wires))).await
 }
 
-async fn serve_controller(Wires { spi, select, mut interrupt }: Wires) {
+async fn serve_controller(Wires { spi, select, mut interrupt }: Wires) -> ! {
     let bus = Mutex::<NoopRawMutex, _>::new(Bus(spi));
     let wiring = Wiring { spi_hz: SPI_CLOCK_HZ_MIN, select_ns: SELECT_NS, ..Wiring::default() };
     let controller = Lan9252::new(SpiDevice::new(&bus, select), wiring);

@@ -221,8 +221,8 @@ impl ErrorType for UartLine {
 }
 
 impl Read for UartLine {
-    async fn read(&mut self, into: &mut [u8]) -> Result<usize, ErrorKind> {
-        let count = poll_fn(|context| {
+    fn read(&mut self, into: &mut [u8]) -> impl Future<Output = Result<usize, ErrorKind>> {
+        poll_fn(move |context| {
             self.shift.waker.register(context.waker());
             if critical_section::with(|section| self.shift.relaying.is_withheld(section, self.number.into()))
             {
@@ -238,7 +238,10 @@ impl Read for UartLine {
                     Ok((0, _)) => return Poll::Pending,
                     Ok((count, _)) => {
                         self.shift.note_read(count);
-                        return Poll::Ready(count);
+                        if self.mask != u8::MAX {
+                            into.iter_mut().take(count).for_each(|byte| *byte &= self.mask);
+                        }
+                        return Poll::Ready(Ok(count));
                     }
                     // Overrun of the ring: its contents have no beginning and no end.
                     Err(_) => {
@@ -249,11 +252,6 @@ impl Read for UartLine {
                 }
             }
         })
-        .await;
-        if self.mask != u8::MAX {
-            into.iter_mut().take(count).for_each(|byte| *byte &= self.mask);
-        }
-        Ok(count)
     }
 }
 

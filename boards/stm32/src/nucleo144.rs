@@ -138,7 +138,7 @@ async fn stack(mut runner: Runner<LateEthernet>) -> ! {
 }
 
 #[embassy_executor::task(pool_size = PORTS)]
-async fn port(index: usize, lines: Lines<UartLine>, network: Network) {
+async fn port(index: usize, lines: Lines<UartLine>, network: Network) -> ! {
     gateway::port(index, lines, network).await
 }
 
@@ -149,7 +149,7 @@ async fn serve(
     flash: ChipFlash,
     info: &'static Info,
     forget: bool,
-) {
+) -> ! {
     // Every chip supports this format. Only the error's kind, because formatting its hint would pull the Unicode tables (3 KiB)
     // into the image.
     terminal.configure(&CONSOLE).map_err(|error| error.kind).unwrap();

@@ -74,24 +74,20 @@ impl<'a, M: RawMutex, F: NorFlash, const PAGE: usize, const STATE_PAGE: usize>
     /// # Errors
     /// The flash fails.
     pub async fn confirm(&mut self) -> Result<(), UpdateError> {
-        self.with_state(async |state| state.mark_booted().await).await
+        self.kept_state(&mut [0; WORD_BYTES_MAX]).mark_booted().await.map_err(failed)
     }
 
     pub(crate) async fn state(&mut self) -> Result<State, UpdateError> {
-        self.with_state(async |state| state.get_state().await).await
+        self.kept_state(&mut [0; WORD_BYTES_MAX]).get_state().await.map_err(failed)
     }
 
-    async fn with_state<R>(
-        &mut self,
-        act: impl AsyncFnOnce(
-            &mut FirmwareState<'_, Partition<'a, M, F, STATE_PAGE>>,
-        ) -> Result<R, FirmwareUpdaterError>,
-    ) -> Result<R, UpdateError> {
+    /// The state in the flash; `word` is for a word of it.
+    fn kept_state<'w>(
+        &self,
+        word: &'w mut [u8; WORD_BYTES_MAX],
+    ) -> FirmwareState<'w, Partition<'a, M, F, STATE_PAGE>> {
         const { assert!(F::WRITE_SIZE <= WORD_BYTES_MAX && F::READ_SIZE <= F::WRITE_SIZE) };
-        let mut word = [0; WORD_BYTES_MAX];
-        let partition = Partition::new(self.flash, self.layout.state.clone());
-        let mut state = FirmwareState::new(partition, &mut word[..F::WRITE_SIZE]);
-        act(&mut state).await.map_err(|_| UpdateError::Failed)
+        FirmwareState::new(Partition::new(self.flash, self.layout.state.clone()), &mut word[..F::WRITE_SIZE])
     }
 
     fn partition(&self) -> Partition<'a, M, F, PAGE> {
@@ -169,7 +165,7 @@ impl<M: RawMutex, F: NorFlash, const PAGE: usize, const STATE_PAGE: usize> Updat
         if !self.is_signed(&hash, &header) {
             return Err(UpdateError::Signature);
         }
-        self.with_state(async |state| state.mark_updated().await).await?;
+        self.kept_state(&mut [0; WORD_BYTES_MAX]).mark_updated().await.map_err(failed)?;
         let version = text(&info);
         self.next = Some(version.clone());
         Ok(version)
@@ -194,6 +190,10 @@ impl Drop for Pending<'_> {
     fn drop(&mut self) {
         *self.0 = None;
     }
+}
+
+fn failed(_: FirmwareUpdaterError) -> UpdateError {
+    UpdateError::Failed
 }
 
 fn text(info: &Info) -> Version {

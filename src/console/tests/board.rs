@@ -4,23 +4,21 @@ use super::*;
 
 #[test]
 fn what_the_board_cannot_run_is_refused() {
-    with_gateway(|gateway| {
-        let printed = pipe(gateway, "port P502 tcp server 502 clients 40\nshow config\n");
-        assert!(printed.starts_with("error: line 1, the TCP servers need 41 connections"), "{printed}");
-        assert_eq!(printed.lines().count(), 1);
-    });
+    let gateway = &new_gateway();
+    let printed = pipe(gateway, "port P502 tcp server 502 clients 40\nshow config\n");
+    assert!(printed.starts_with("error: line 1, the TCP servers need 41 connections"), "{printed}");
+    assert_eq!(printed.lines().count(), 1);
 }
 
 #[test]
 fn an_address_of_its_own_is_refused_where_the_system_has_the_network() {
-    with_gateway(|gateway| {
-        let refused = pipe(gateway, "network address 10.0.0.5/24\nshow network\nshow config\n");
-        assert_eq!(
-            refused,
-            "error: line 1, network lines are for boards with a network of their own; here the operating system manages it\n\
-             the operating system has the network\n"
-        );
-    });
+    let gateway = &new_gateway();
+    let refused = pipe(gateway, "network address 10.0.0.5/24\nshow network\nshow config\n");
+    assert_eq!(
+        refused,
+        "error: line 1, network lines are for boards with a network of their own; here the operating system manages it\n\
+         the operating system has the network\n"
+    );
 }
 
 #[test]
@@ -55,31 +53,27 @@ fn a_board_with_a_network_of_its_own_follows_the_settings_and_shows_its_address(
 
 #[test]
 fn what_the_board_has_to_report_stands_above_the_transactions() {
-    with_gateway(|gateway| {
-        let board =
-            Bench { events: &["reset by the watchdog", "before: it stood still"], ..Bench::default() };
-        let printed = pipe_on(gateway, &board, b"show log");
-        assert!(printed.starts_with("reset by the watchdog\nbefore: it stood still\n      AGE"), "{printed}");
-    });
+    let gateway = &new_gateway();
+    let board = Bench { events: &["reset by the watchdog", "before: it stood still"], ..Bench::default() };
+    let printed = pipe_on(gateway, &board, b"show log");
+    assert!(printed.starts_with("reset by the watchdog\nbefore: it stood still\n      AGE"), "{printed}");
 }
 
 #[test]
 fn reboot_asks_the_board() {
-    with_gateway(|gateway| {
-        let system = Bench::default();
-        assert_eq!(pipe_on(gateway, &system, b"reboot\n"), "starting again\n");
-        assert_eq!(system.reboots.get(), 1);
-    });
+    let gateway = &new_gateway();
+    let system = Bench::default();
+    assert_eq!(pipe_on(gateway, &system, b"reboot\n"), "starting again\n");
+    assert_eq!(system.reboots.get(), 1);
 }
 
 #[test]
 fn nobody_is_connected_to_a_gateway_that_nobody_runs() {
-    with_gateway(|gateway| {
-        assert_eq!(
-            pipe(gateway, "port P502 tcp server 502\nshow clients\n"),
-            "PORT            PEER                      SINCE     QUIET OPEN   REQUESTS PLACE\n"
-        );
-        let version = pipe(gateway, "show version");
-        assert!(version.starts_with("mobgate 0.") && version.contains(" on bench, up "), "{version}");
-    });
+    let gateway = &new_gateway();
+    assert_eq!(
+        pipe(gateway, "port P502 tcp server 502\nshow clients\n"),
+        "PORT            PEER                      SINCE     QUIET OPEN   REQUESTS PLACE\n"
+    );
+    let version = pipe(gateway, "show version");
+    assert!(version.starts_with("mobgate 0.") && version.contains(" on bench, up "), "{version}");
 }

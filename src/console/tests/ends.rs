@@ -9,15 +9,12 @@ pub(super) fn ended(
     piece: usize,
     prepare: fn(&Gateway<'_>),
 ) -> (String, Ended, String) {
-    let mut came = None;
-    with_gateway(|gateway| {
-        pipe(gateway, SETTINGS);
-        prepare(gateway);
-        let (printed, ended) =
-            session_on(gateway, &Bench::default(), &mut Memory::default(), mode, (typed, piece));
-        came = Some((printed, ended, pipe(gateway, "show config")));
-    });
-    came.unwrap()
+    let gateway = &new_gateway();
+    pipe(gateway, SETTINGS);
+    prepare(gateway);
+    let (printed, ended) =
+        session_on(gateway, &Bench::default(), &mut Memory::default(), mode, (typed, piece));
+    (printed, ended, pipe(gateway, "show config"))
 }
 
 #[test]

@@ -65,11 +65,10 @@ fn a_session_of_the_network_takes_lines_and_says_whether_one_was_refused() {
 
 #[test]
 fn keys_of_a_terminal_among_lines_of_text_are_ignored_by_network() {
-    with_gateway(|gateway| {
-        add_users(gateway);
-        let lines = "viewer\nlet me in\n".to_string() + terminal::LINES_WITH_KEYS;
-        let said = session(gateway, &mut Memory::default(), Mode::Network(PEER, None), &lines, 3);
-        assert_eq!(said.matches("mobgate 0.").count(), 2, "{said:?}");
-        assert!(!said.contains("error"), "{said:?}");
-    });
+    let gateway = &new_gateway();
+    add_users(gateway);
+    let lines = "viewer\nlet me in\n".to_string() + terminal::LINES_WITH_KEYS;
+    let said = session(gateway, &mut Memory::default(), Mode::Network(PEER, None), &lines, 3);
+    assert_eq!(said.matches("mobgate 0.").count(), 2, "{said:?}");
+    assert!(!said.contains("error"), "{said:?}");
 }

@@ -45,7 +45,7 @@ const OVER_AFTER: Duration = Duration::from_millis(200);
 
 /// What to do after a byte or a silence.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Came {
+pub(super) enum Action {
     /// Nothing.
     More,
     /// To send these bytes.
@@ -146,10 +146,10 @@ impl Receiver {
     }
 
     /// Takes the next byte.
-    pub(super) fn feed(&mut self, byte: u8) -> Came {
+    pub(super) fn feed(&mut self, byte: u8) -> Action {
         match (self.arriving, byte) {
-            (Arriving::Rest, _) => Came::More,
-            (Arriving::Cancel, CAN) | (Arriving::Nothing, CTRL_C) => Came::Stopped(Stopped::Cancelled),
+            (Arriving::Rest, _) => Action::More,
+            (Arriving::Cancel, CAN) | (Arriving::Nothing, CTRL_C) => Action::Stopped(Stopped::Cancelled),
             (Arriving::Block, _) => self.extend(byte),
             (Arriving::Nothing, SOH | STX) => {
                 (self.arriving, self.filled) = (Arriving::Block, 0);
@@ -157,27 +157,27 @@ impl Receiver {
             }
             (Arriving::Nothing, CAN) => {
                 self.arriving = Arriving::Cancel;
-                Came::More
+                Action::More
             }
             (Arriving::Nothing, EOT) => self.end_of_file(),
             (Arriving::Nothing | Arriving::Cancel, _) => {
                 self.arriving = Arriving::Rest;
-                Came::More
+                Action::More
             }
         }
     }
 
     /// Nothing came for as long as [`patience`](Self::patience).
-    pub(super) fn silence(&mut self) -> Came {
+    pub(super) fn silence(&mut self) -> Action {
         self.arriving = Arriving::Nothing;
         self.tries += 1;
         match self.next {
-            Next::File if self.tries > ASKED_MAX => Came::Stopped(Stopped::NoFile),
+            Next::File if self.tries > ASKED_MAX => Action::Stopped(Stopped::NoFile),
             // The file is whole already.
-            Next::End if self.tries > 1 => Came::Done(&[]),
-            _ if self.tries > FAILED_MAX && self.next != Next::File => Came::Stopped(Stopped::Silent),
-            Next::File | Next::End => Came::Send(&[ASK]),
-            Next::Block(_) => Came::Send(&[NAK]),
+            Next::End if self.tries > 1 => Action::Done(&[]),
+            _ if self.tries > FAILED_MAX && self.next != Next::File => Action::Stopped(Stopped::Silent),
+            Next::File | Next::End => Action::Send(&[ASK]),
+            Next::Block(_) => Action::Send(&[NAK]),
         }
     }
 
@@ -207,71 +207,71 @@ impl Receiver {
         self.block.get(HEAD_BYTES..self.filled.saturating_sub(CRC_BYTES)).unwrap_or_default()
     }
 
-    fn extend(&mut self, byte: u8) -> Came {
+    fn extend(&mut self, byte: u8) -> Action {
         if let Some(place) = self.block.get_mut(self.filled) {
             *place = byte;
             self.filled += 1;
         }
         let length = if self.block.first() == Some(&SOH) { SHORT_BYTES } else { LONG_BYTES };
         if self.filled < HEAD_BYTES + length + CRC_BYTES {
-            return Came::More;
+            return Action::More;
         }
         let &[_, number, complement, ..] = &self.block;
         let checked = self.block.get(HEAD_BYTES..self.filled).unwrap_or_default();
         if number != !complement || CRC.checksum(checked) != 0 {
             self.arriving = Arriving::Rest;
-            return Came::More;
+            return Action::More;
         }
         self.arriving = Arriving::Nothing;
         self.take(number)
     }
 
     /// Takes the block of this number.
-    fn take(&mut self, number: u8) -> Came {
+    fn take(&mut self, number: u8) -> Action {
         match (self.next, number) {
             (Next::File, 0) => self.begin(),
             (Next::Block(next), _) if number == next => {
                 self.doubted = false;
-                Came::Data
+                Action::Data
             }
             // An acknowledgement was lost, and the block came again.
-            (Next::Block(1), 0) => Came::Send(&[ACK, ASK]),
-            (Next::Block(next), _) if number == next.wrapping_sub(1) => Came::Send(&[ACK]),
-            (Next::End, 0) if self.payload().first() == Some(&0) => Came::Done(&[ACK]),
-            (Next::End, 0) => Came::Stopped(Stopped::SecondFile),
-            (Next::File | Next::Block(_) | Next::End, _) => Came::Stopped(Stopped::OutOfOrder),
+            (Next::Block(1), 0) => Action::Send(&[ACK, ASK]),
+            (Next::Block(next), _) if number == next.wrapping_sub(1) => Action::Send(&[ACK]),
+            (Next::End, 0) if self.payload().first() == Some(&0) => Action::Done(&[ACK]),
+            (Next::End, 0) => Action::Stopped(Stopped::SecondFile),
+            (Next::File | Next::Block(_) | Next::End, _) => Action::Stopped(Stopped::OutOfOrder),
         }
     }
 
     /// Block 0: the name, a zero, the length in decimal, and what is of no interest.
-    fn begin(&mut self) -> Came {
+    fn begin(&mut self) -> Action {
         let mut fields = self.payload().splitn(2, |byte| *byte == 0);
         if fields.next().is_none_or(<[u8]>::is_empty) {
-            return Came::Stopped(Stopped::NoFile);
+            return Action::Stopped(Stopped::NoFile);
         }
         let length = fields.next().unwrap_or_default();
         let length = length.split(|byte| !byte.is_ascii_digit()).next().unwrap_or_default();
         self.left = str::from_utf8(length).ok().and_then(|length| length.parse().ok());
-        Came::Begin(self.left)
+        Action::Begin(self.left)
     }
 
     /// EOT may also be a block's first byte that was damaged: unless the length says that the file is whole, it must come twice.
-    fn end_of_file(&mut self) -> Came {
+    fn end_of_file(&mut self) -> Action {
         match self.next {
             Next::Block(_) if self.doubted || self.left == Some(0) => {
                 self.doubted = true;
-                Came::Finish
+                Action::Finish
             }
             Next::Block(_) => {
                 self.doubted = true;
-                Came::Send(&[NAK])
+                Action::Send(&[NAK])
             }
             // Its acknowledgement was lost.
-            Next::End => Came::Send(&[ACK, ASK]),
+            Next::End => Action::Send(&[ACK, ASK]),
             // A key.
             Next::File => {
                 self.arriving = Arriving::Rest;
-                Came::More
+                Action::More
             }
         }
     }

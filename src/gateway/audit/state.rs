@@ -10,9 +10,9 @@ use super::trail::Trail;
 use crate::gateway::port_state::Status;
 use crate::gateway::shared::Shared;
 
-/// The trail, and who is told of new lines.
+/// The trail without its lines, and who is told of new ones.
 pub(in crate::gateway) struct Audit {
-    trail: Shared<Trail>,
+    pub(super) trail: Shared<Trail>,
     /// A line for the syslog server.
     pub(super) line: Signal<CriticalSectionRawMutex, ()>,
     /// A refusal was counted.
@@ -45,9 +45,5 @@ impl Audit {
             server_changed: Signal::new(),
             forwarding: Mutex::new(RefCell::new(Forwarding::NONE)),
         }
-    }
-
-    pub(super) fn trail<R>(&self, f: impl FnOnce(&mut Trail) -> R) -> R {
-        self.trail.lock(|trail| f(&mut trail.borrow_mut()))
     }
 }

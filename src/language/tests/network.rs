@@ -101,3 +101,28 @@ fn an_address_that_no_host_can_have_is_refused() {
         assert!(error(line).contains(expected), "{line}: {}", error(line));
     }
 }
+
+#[cfg(feature = "audit")] // Without a trail there are no such lines.
+#[test]
+fn syslog_and_ntp_servers_are_one_each_at_their_usual_ports() {
+    let mut settings = load(PORTS);
+    for (line, printed) in [
+        ("syslog 192.168.1.9", "syslog udp 192.168.1.9:514"),
+        ("syslog tcp 192.168.1.9:601", "syslog tcp 192.168.1.9:601"),
+        ("ntp 192.168.1.1", "ntp 192.168.1.1:123"),
+        ("ntp 192.168.1.1:1123", "ntp 192.168.1.1:1123"),
+        #[cfg(feature = "servers")] // As above.
+        ("ntp time.example", "ntp time.example:123"),
+    ] {
+        apply(&mut settings, line).unwrap();
+        assert!(print(&settings).contains(&format!("{printed}\n")), "{}", print(&settings));
+        assert_eq!(load(&print(&settings)), settings);
+    }
+    assert_eq!(print(&settings).matches("ntp ").count(), 1);
+    apply(&mut settings, "syslog off").unwrap();
+    apply(&mut settings, "ntp off").unwrap();
+    assert_eq!(print(&settings), print(&load(PORTS)));
+    for line in ["ntp", "ntp 192.168.1.1:0", "ntp 0.0.0.0", "ntp 192.168.1.1 192.168.1.2", "ntp off on"] {
+        assert!(apply(&mut settings, line).is_err(), "{line}");
+    }
+}

@@ -39,19 +39,9 @@ fn names_are_names_of_hosts_and_no_mistyped_addresses() {
     for name in ["localhost", "meter.example:502", "plc-7", "a.b.c.d1", "METER", "timeout:502"] {
         assert!(good(name), "{name}");
     }
-    for name in [
-        "192.168.1",
-        "300.1.1.1",
-        "1.2.3.4.5",
-        "-a",
-        "a-",
-        "a..b",
-        "meter:0",
-        "meter:x",
-        "meter:1:2",
-        "me ter",
-        "a/b",
-    ] {
+    for name in
+        "192.168.1, 300.1.1.1, 1.2.3.4.5, -a, a-, a..b, meter:0, meter:x, meter:1:2, me ter, a/b".split(", ")
+    {
         assert!(!good(name), "{name}");
     }
     assert!(!good(&"a".repeat(SERVER_NAME_BYTES_MAX + 1)));

@@ -169,7 +169,7 @@ impl<'g> Dispatcher<'g> {
     }
 
     /// Receives requests forever, and drops those that expired or whose requester is gone. To be polled before the connections.
-    pub(crate) async fn receive_requests(&self) {
+    pub(crate) async fn receive_requests(&self) -> ! {
         loop {
             let deadline = self.queue().first_deadline().unwrap_or(Instant::MAX);
             let due = deadline.min(self.make_room());

@@ -27,7 +27,11 @@ use crate::stats::Event;
 const CONNECTION: u8 = 0;
 
 /// Keeps the line open and serves the dispatcher's requests, forever.
-pub(crate) async fn run<H: SerialHost>(dispatcher: &Dispatcher<'_>, settings: &SerialSettings, host: &mut H) {
+pub(crate) async fn run<H: SerialHost>(
+    dispatcher: &Dispatcher<'_>,
+    settings: &SerialSettings,
+    host: &mut H,
+) -> ! {
     let mut opening = Opening::new(dispatcher.port_state().state(), settings, dispatcher.is_alone());
     loop {
         let jitter = host.read_jitter();

@@ -21,8 +21,12 @@ use crate::port::client::connection::TcpConnection;
 use crate::port::client::dispatcher::Dispatcher;
 use crate::port::client::servers::CONNECTIONS_MAX;
 use crate::port::timer::outlined;
-use crate::settings::TcpClientSettings;
+use crate::settings::{ServerAddress, TcpClientSettings};
 use crate::stats::Event;
+
+// A separate file, as for servers: what an `async` function awaits stays in its future.
+#[cfg_attr(not(feature = "tls"), path = "tcp/no_tls.rs")]
+mod tls;
 
 /// Pause before a socket is requested again: not only client ports use sockets.
 const SOCKET_PAUSE: Duration = Duration::from_millis(50);
@@ -38,11 +42,11 @@ pub(crate) async fn run<C: TcpConnect>(
     dispatcher: &Dispatcher<'_>,
     settings: &TcpClientSettings,
     connector: &C,
-) {
+) -> ! {
     let port_state = dispatcher.port_state().state();
     let status = if settings.idle > Duration::from_ticks(0) { Status::Idle } else { Status::Off };
     dispatcher.set_all_statuses(status);
-    join_array::<_, CONNECTIONS_MAX>(core::array::from_fn(|connection| {
+    let [never, ..] = join_array::<_, CONNECTIONS_MAX>(core::array::from_fn(|connection| {
         let socket = port_state.sockets.get(connection);
         let connection = connection as u8;
         async move {
@@ -55,6 +59,7 @@ pub(crate) async fn run<C: TcpConnect>(
         }
     }))
     .await;
+    never
 }
 
 /// One connection of the port, which serves one server after another.
@@ -77,7 +82,7 @@ enum Outcome {
 }
 
 impl<C: TcpConnect> ConnectionTask<'_, '_, C> {
-    async fn run(&self) {
+    async fn run(&self) -> ! {
         let Self { dispatcher, settings, socket, .. } = self;
         let keeps = settings.idle == Duration::from_ticks(0);
         let mut first_id = u16::from(self.connection).wrapping_mul(ID_STRIDE);
@@ -107,16 +112,24 @@ impl<C: TcpConnect> ConnectionTask<'_, '_, C> {
         }
     }
 
+    /// Opens a connection to the server at `address`, with TLS if the port speaks it.
+    async fn open(&self, address: &ServerAddress) -> Result<C::Stream<'_>, OpenError> {
+        let Self { dispatcher, settings, connector, .. } = self;
+        let mut stream = connector.connect(address).await?;
+        tls::secure(dispatcher, settings, &mut stream, address).await?;
+        Ok(stream)
+    }
+
     /// Connects to `server`, and serves its requests until the connection ends.
     async fn connect_and_serve(&self, server: usize, first_id: u16) -> Outcome {
-        let Self { dispatcher, settings, connector, connection, socket } = self;
+        let Self { dispatcher, settings, connection, socket, .. } = self;
         let give_up = Instant::now() + settings.connect_timeout;
         let retry = !dispatcher.is_wanted(server);
         loop {
             socket.freed.reset();
             socket.opening(retry);
             let Some(address) = dispatcher.address(server) else { return Outcome::Failed(NO_SERVER) };
-            let connected = with_deadline(give_up, connector.connect(&address));
+            let connected = with_deadline(give_up, self.open(&address));
             let error = match select(connected, socket.leave.wait()).await {
                 Either::First(Ok(Ok(stream))) => {
                     let before = dispatcher.set_status(server, Status::Open);

@@ -5,7 +5,7 @@ use core::net::{IpAddr, SocketAddr};
 use crate::gateway::audit::Topic;
 use crate::gateway::{Gateway, PortState, Status};
 use crate::hal::OpenError;
-use crate::settings::{PortId, USERS};
+use crate::settings::{AUDIT, PortId};
 use crate::stats::{Event, LastError};
 
 /// Reports that the server at `port_state` listens on `port` of `protocol`; `open_to_all` returns an address at which the whole world
@@ -45,9 +45,17 @@ pub(crate) fn refuses(gateway: &Gateway<'_>, port: PortId, peer: IpAddr, why: Ev
     gateway.audit_refusal(Topic::RefusedClient, Some(port), Some(peer), what);
 }
 
+/// Reports that the server at `port` has refused a client at `peer` because of its certificate.
+// Servers without TLS ask for none.
+#[cfg_attr(not(feature = "tls"), allow(dead_code))]
+pub(crate) fn refuses_certificate(gateway: &Gateway<'_>, port: PortId, peer: IpAddr, why: &str) {
+    let what = format_args!("a client is refused, {why},");
+    gateway.audit_refusal(Topic::RefusedClient, Some(port), Some(peer), what);
+}
+
 /// Reports that the server at `port` closes the connection of `left` for a newcomer at `peer`.
 pub(crate) fn displaces(gateway: &Gateway<'_>, port: PortId, left: Option<SocketAddr>, peer: IpAddr) {
-    if let (true, Some(left)) = (USERS, left) {
+    if let (true, Some(left)) = (AUDIT, left) {
         let what = format_args!("displaces {}", left.ip().to_canonical());
         gateway.audit_refusal(Topic::Displaced, Some(port), Some(peer), what);
     }

@@ -19,7 +19,7 @@ use self::session::Session;
 
 impl Server<'_, '_> {
     /// Keeps the line open and serves it, forever.
-    pub(crate) async fn run<H: SerialHost>(&self, host: &mut H) {
+    pub(crate) async fn run<H: SerialHost>(&self, host: &mut H) -> ! {
         let mut opening = Opening::new(self.port_state, self.settings, false);
         loop {
             let jitter = host.read_jitter();

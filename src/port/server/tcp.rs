@@ -24,7 +24,7 @@ use crate::modbus::{Exception, pdu};
 use crate::port::server::listening;
 use crate::port::stream::{Input, Pieces};
 use crate::port::timer::{outlined, until, within};
-use crate::settings::{Allowed, PortId, SSH, StreamFraming, TcpListen, TcpServerSettings};
+use crate::settings::{Allowed, ClientRole, PortId, SSH, StreamFraming, TcpListen, TcpServerSettings};
 use crate::stats::Event;
 
 mod response;
@@ -34,6 +34,9 @@ mod export;
 // As above.
 #[cfg_attr(not(feature = "ssh"), path = "tcp/no_ssh.rs")]
 mod ssh;
+// As above.
+#[cfg_attr(not(feature = "tls"), path = "tcp/no_tls.rs")]
+mod tls;
 mod window;
 
 use self::response::{Response, Taken, Waits, Worth};
@@ -91,7 +94,8 @@ impl Server<'_, '_> {
                 };
                 self.port_state.stats.count(Event::Connected);
                 window = Window::new(self.settings.pipeline);
-                let end = match self.take_connection(peer) {
+                let role = outlined(pin!(self.secure(&mut stream, peer))).await;
+                let end = match role.and_then(|role| self.take_connection(peer, role)) {
                     Ok(_) if self.settings.framing == StreamFraming::Capture => {
                         outlined(pin!(self.export(&mut stream))).await
                     }
@@ -119,6 +123,7 @@ impl Server<'_, '_> {
         window: &Window,
     ) -> Result<(H::Stream<'h>, SocketAddr), OpenError> {
         let listen = &self.settings.listen;
+        self.prepare(host)?;
         host.listen(listen)?;
         listening::listens(self.port_state, "TCP", listen.port, || {
             host.public_address(listen).filter(|_| self.serves_everybody())
@@ -142,7 +147,7 @@ impl Server<'_, '_> {
     }
 
     /// Admits the newcomer, making room if necessary, or refuses it.
-    fn take_connection(&self, peer: SocketAddr) -> Result<Origin, End> {
+    fn take_connection(&self, peer: SocketAddr, role: ClientRole) -> Result<Origin, End> {
         let now = Instant::now();
         self.connection.leave.reset();
         let terms = self.gateway.settings(|settings| {
@@ -158,7 +163,7 @@ impl Server<'_, '_> {
         let generation = self.connection.update(|connection| {
             let (port, generation) = (connection.port, connection.generation.wrapping_add(1));
             let came = ConnectionState { since: now, last_request: now, ..ConnectionState::EMPTY };
-            *connection = ConnectionState { port, peer: Some(peer), marked, generation, ..came };
+            *connection = ConnectionState { port, peer: Some(peer), role, marked, generation, ..came };
             generation
         });
         let (mut seated, mut ordinary) = (0, 0);

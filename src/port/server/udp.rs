@@ -61,7 +61,7 @@ impl<'s, 'g> Server<'s, 'g> {
     }
 
     /// Keeps the socket open and serves it, forever.
-    pub(crate) async fn run<H: UdpHost>(&self, host: &mut H) {
+    pub(crate) async fn run<H: UdpHost>(&self, host: &mut H) -> ! {
         loop {
             let port = self.settings.listen.port;
             match host.bind(&self.settings.listen).await {

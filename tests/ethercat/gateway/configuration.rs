@@ -4,53 +4,50 @@ use mobgate::fieldbus::{ConfigError, Configuration, REASON_BYTES, Room};
 use mobgate::scanner::Kind;
 use mobgate::settings::PortKind;
 
-use super::objects::{SETTINGS, configure, layout, read, reason, with_objects, write};
+use super::objects::{SETTINGS, configure, layout, objects, read, reason, write};
 use super::virtual_devices::virtual_devices;
 use crate::prelude::*;
 
 #[test]
 fn the_devices_of_the_vectors_have_the_layout_of_the_vectors() {
-    with_objects(|place, mut objects| {
-        for (device, nth) in virtual_devices().iter().zip(0..) {
-            configure(&mut objects, nth, &device.settings());
-        }
-        assert_eq!(layout(&mut objects, 0), [0; 10]);
-        write(&mut objects, 0x2005, 1, 1).unwrap();
-        assert_eq!((read(&mut objects, 0x2005, 1), read(&mut objects, 0x2005, 2)), (0, 1));
-        for (device, nth) in virtual_devices().iter().zip(0..) {
-            assert_eq!(layout(&mut objects, nth), device.layout);
-        }
-        assert!(place.is_running());
-    });
+    let (place, mut objects) = objects();
+    for (device, nth) in virtual_devices().iter().zip(0..) {
+        configure(&mut objects, nth, &device.settings());
+    }
+    assert_eq!(layout(&mut objects, 0), [0; 10]);
+    write(&mut objects, 0x2005, 1, 1).unwrap();
+    assert_eq!((read(&mut objects, 0x2005, 1), read(&mut objects, 0x2005, 2)), (0, 1));
+    for (device, nth) in virtual_devices().iter().zip(0..) {
+        assert_eq!(layout(&mut objects, nth), device.layout);
+    }
+    assert!(place.is_running());
 }
 
 #[test]
 fn a_configuration_in_use_is_changed_in_pre_op_only_and_is_not_in_use_then() {
-    with_objects(|place, mut objects| {
-        write(&mut objects, 0x2005, 1, 1).unwrap();
-        objects.entered(AlState::SafeOp);
-        for (index, sub) in [(0x2000, 1), (0x2001, 1), (0x2004, 10), (0x2007, 2), (0x2020, 1)] {
-            assert_eq!(write(&mut objects, index, sub, 1), Err(Abort::State), "{index:04x}");
-        }
-        objects.entered(AlState::PreOp);
-        write(&mut objects, 0x2000, 1, 4).unwrap();
-        assert!(place.is_running(), "there are four already");
-        write(&mut objects, 0x2000, 1, 3).unwrap();
-        assert!(!place.is_running());
-        assert_eq!((read(&mut objects, 0x2000, 1), read(&mut objects, 0x2005, 2)), (3, 0));
-    });
+    let (place, mut objects) = objects();
+    write(&mut objects, 0x2005, 1, 1).unwrap();
+    objects.entered(AlState::SafeOp);
+    for (index, sub) in [(0x2000, 1), (0x2001, 1), (0x2004, 10), (0x2007, 2), (0x2020, 1)] {
+        assert_eq!(write(&mut objects, index, sub, 1), Err(Abort::State), "{index:04x}");
+    }
+    objects.entered(AlState::PreOp);
+    write(&mut objects, 0x2000, 1, 4).unwrap();
+    assert!(place.is_running(), "there are four already");
+    write(&mut objects, 0x2000, 1, 3).unwrap();
+    assert!(!place.is_running());
+    assert_eq!((read(&mut objects, 0x2000, 1), read(&mut objects, 0x2005, 2)), (3, 0));
 }
 
 #[test]
 fn a_configuration_that_is_taken_over_begins_with_empty_buffers() {
-    with_objects(|place, mut objects| {
-        write(&mut objects, 0x2005, 1, 1).unwrap();
-        objects.outputs(0x1600, &[7; 120]);
-        write(&mut objects, 0x2005, 2, 0).unwrap();
-        place.outputs(|outputs| assert_eq!(outputs[..120], [7; 120]));
-        write(&mut objects, 0x2005, 1, 1).unwrap();
-        place.outputs(|outputs| assert_eq!(outputs, [0; 512]));
-    });
+    let (place, mut objects) = objects();
+    write(&mut objects, 0x2005, 1, 1).unwrap();
+    objects.outputs(0x1600, &[7; 120]);
+    write(&mut objects, 0x2005, 2, 0).unwrap();
+    place.outputs(|outputs| assert_eq!(outputs[..120], [7; 120]));
+    write(&mut objects, 0x2005, 1, 1).unwrap();
+    place.outputs(|outputs| assert_eq!(outputs, [0; 512]));
 }
 
 #[test]
@@ -58,17 +55,16 @@ fn the_parity_bit_may_count_among_the_bits_of_a_character_and_need_not() {
     for (bits, parity, good) in
         [(0, 0, true), (0, 2, true), (0, 3, true), (1, 0, false), (1, 2, true), (1, 3, true)]
     {
-        with_objects(|_, mut objects| {
-            write(&mut objects, 0x2020, 2, bits).unwrap();
-            write(&mut objects, 0x2020, 3, parity).unwrap();
-            let taken = write(&mut objects, 0x2005, 1, 1);
-            assert_eq!(taken.is_ok(), good, "{bits},{parity}");
-            if !good {
-                assert_eq!(taken, Err(Abort::Incompatible));
-                let expected = format!("2020h: {} bits with parity {parity} are not RTU", 8 + bits);
-                assert_eq!(reason(&mut objects), expected);
-            }
-        });
+        let (_, mut objects) = objects();
+        write(&mut objects, 0x2020, 2, bits).unwrap();
+        write(&mut objects, 0x2020, 3, parity).unwrap();
+        let taken = write(&mut objects, 0x2005, 1, 1);
+        assert_eq!(taken.is_ok(), good, "{bits},{parity}");
+        if !good {
+            assert_eq!(taken, Err(Abort::Incompatible));
+            let expected = format!("2020h: {} bits with parity {parity} are not RTU", 8 + bits);
+            assert_eq!(reason(&mut objects), expected);
+        }
     }
 }
 
@@ -173,36 +169,34 @@ fn every_reason_fits_into_its_object() {
 
 #[test]
 fn an_image_may_fill_its_room_to_the_last_byte_and_not_a_byte_more() {
-    with_objects(|place, mut objects| {
-        write(&mut objects, 0x2000, 1, 1).unwrap();
-        // 60 holding registers: 120 bytes each way.
-        configure(&mut objects, 0, &[1, 0, 0, 0, 0, 0, 0, 60, 0]);
-        let plan = |inputs, outputs| {
-            place.configuration(|configuration| configuration.plan(Room { inputs, outputs }).map(|_| ()))
-        };
-        assert_eq!(plan(120, 120), Ok(()));
-        assert_eq!(plan(119, 120), Err(ConfigError::InputsFull { slave: 0, room: 119 }));
-        assert_eq!(plan(120, 119), Err(ConfigError::OutputsFull { slave: 0, room: 119 }));
+    let (place, mut objects) = objects();
+    write(&mut objects, 0x2000, 1, 1).unwrap();
+    // 60 holding registers: 120 bytes each way.
+    configure(&mut objects, 0, &[1, 0, 0, 0, 0, 0, 0, 60, 0]);
+    let plan = |inputs, outputs| {
+        place.configuration(|configuration| configuration.plan(Room { inputs, outputs }).map(|_| ()))
+    };
+    assert_eq!(plan(120, 120), Ok(()));
+    assert_eq!(plan(119, 120), Err(ConfigError::InputsFull { slave: 0, room: 119 }));
+    assert_eq!(plan(120, 119), Err(ConfigError::OutputsFull { slave: 0, room: 119 }));
 
-        write(&mut objects, 0x2005, 1, 1).unwrap();
-        assert_eq!(layout(&mut objects, 0), [0, 0, 0, 0, 0, 119, 0, 0, 0, 119], "they are used to the last");
-        write(&mut objects, 0x2005, 2, 0).unwrap();
-        configure(&mut objects, 0, &[1, 0, 0, 1, 0, 0, 0, 60, 0]);
-        assert_eq!(write(&mut objects, 0x2005, 1, 1), Err(Abort::Incompatible));
-        assert_eq!(reason(&mut objects), "slave 0 ends past the 120 input bytes");
-    });
+    write(&mut objects, 0x2005, 1, 1).unwrap();
+    assert_eq!(layout(&mut objects, 0), [0, 0, 0, 0, 0, 119, 0, 0, 0, 119], "they are used to the last");
+    write(&mut objects, 0x2005, 2, 0).unwrap();
+    configure(&mut objects, 0, &[1, 0, 0, 1, 0, 0, 0, 60, 0]);
+    assert_eq!(write(&mut objects, 0x2005, 1, 1), Err(Abort::Incompatible));
+    assert_eq!(reason(&mut objects), "slave 0 ends past the 120 input bytes");
 }
 
 #[test]
 fn a_value_of_32_bits_is_not_cut_in_two() {
-    with_objects(|place, mut objects| {
-        place.follow(&settings_of("port ecat ethercat\nslave 0 unit 1 input 0 count 2 as f32"), true);
-        write(&mut objects, 0x2001, 6, 3).unwrap();
-        assert_eq!(write(&mut objects, 0x2005, 1, 1), Err(Abort::Incompatible));
-        assert_eq!(reason(&mut objects), "slave 0: half a value of input");
-        write(&mut objects, 0x2001, 6, 6).unwrap();
-        assert_eq!(write(&mut objects, 0x2005, 1, 1), Ok(()));
-    });
+    let (place, mut objects) = objects();
+    place.follow(&settings_of("port ecat ethercat\nslave 0 unit 1 input 0 count 2 as f32"), true);
+    write(&mut objects, 0x2001, 6, 3).unwrap();
+    assert_eq!(write(&mut objects, 0x2005, 1, 1), Err(Abort::Incompatible));
+    assert_eq!(reason(&mut objects), "slave 0: half a value of input");
+    write(&mut objects, 0x2001, 6, 6).unwrap();
+    assert_eq!(write(&mut objects, 0x2005, 1, 1), Ok(()));
 }
 
 #[test]

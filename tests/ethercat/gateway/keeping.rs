@@ -8,7 +8,7 @@ use mobgate::gateway::saved::write_store;
 use mobgate::hal::{Store, StoreError};
 
 use super::bench::{Bench, MS, SETUP, with_devices, with_wire};
-use super::objects::{SETTINGS, layout, read, reason, with_objects, write};
+use super::objects::{SETTINGS, layout, objects, read, reason, write};
 use super::virtual_devices::{Virtual, virtual_devices};
 use crate::prelude::*;
 
@@ -182,10 +182,9 @@ fn statement_56_a_save_of_before_a_restart_from_init_answers_no_other_sdo() {
 
 #[test]
 fn the_words_are_needed_and_a_configuration_in_use_to_save_and_none_to_restore() {
-    with_objects(|_, mut objects| {
-        assert_eq!(write(&mut objects, 0x1010, 1, SAVE), Err(Abort::NotStored));
-        assert_eq!(reason(&mut objects), "there is no place to save settings");
-    });
+    let (_, mut objects) = objects();
+    assert_eq!(write(&mut objects, 0x1010, 1, SAVE), Err(Abort::NotStored));
+    assert_eq!(reason(&mut objects), "there is no place to save settings");
     with_gateway(1, SETTINGS, |world, rig| {
         let mut store = SlowStore::default();
         let gateway = rig.gateway;

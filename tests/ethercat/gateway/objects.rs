@@ -9,12 +9,10 @@ pub(crate) const SETTINGS: &str = "port bus serial uart1 rtu client 19200 8E1
     port ecat ethercat
     route ecat 1-247 * * bus";
 
-/// Objects behind a gateway that has an `ethercat` port.
-pub(crate) fn with_objects(test: impl FnOnce(&EthercatState, GatewayObjects<'_>)) {
-    with_gateway(1, SETTINGS, |_, rig| {
-        let place = rig.gateway.ethercat().unwrap();
-        test(place, GatewayObjects::new(place));
-    });
+/// Objects of a gateway that has an `ethercat` port.
+pub(crate) fn objects() -> (&'static EthercatState, GatewayObjects<'static>) {
+    let place = place_with(SETTINGS);
+    (place, GatewayObjects::new(place))
 }
 
 fn at(index: u16, sub: u8) -> Address {

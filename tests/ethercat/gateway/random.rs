@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use super::objects::{configure_at, layout, read, reason, with_objects, write};
+use super::objects::{configure_at, layout, objects, read, reason, write};
 use crate::prelude::*;
 
 const SLAVES: usize = 32;
@@ -59,46 +59,45 @@ fn random_assignment(random: &mut Random, objects: &mut GatewayObjects<'_>) -> [
 fn random_configurations_are_taken_over_as_a_model_says_or_not_at_all() {
     let mut random = Random::new(7);
     let (mut good, mut bad, mut long, mut many) = (0, 0, 0, 0);
-    with_objects(|place, mut objects| {
-        for round in 0..3_000_u32 {
-            write(&mut objects, 0x2005, 2, 0).unwrap();
-            let room = random_assignment(&mut random, &mut objects);
-            let count = random.index(SLAVES + 1);
-            let slaves: Vec<_> = (0..count).map(|_| random_slave(&mut random)).collect();
-            write(&mut objects, 0x2000, 1, count as u32).unwrap();
-            for (slave, nth) in slaves.iter().zip(0..) {
-                // The first four have two places.
-                let index = if nth < 4 && random.chance(0.5) { 0x2001 + nth } else { 0x2100 + nth };
-                configure_at(&mut objects, index, slave);
+    let (place, mut objects) = objects();
+    for round in 0..3_000_u32 {
+        write(&mut objects, 0x2005, 2, 0).unwrap();
+        let room = random_assignment(&mut random, &mut objects);
+        let count = random.index(SLAVES + 1);
+        let slaves: Vec<_> = (0..count).map(|_| random_slave(&mut random)).collect();
+        write(&mut objects, 0x2000, 1, count as u32).unwrap();
+        for (slave, nth) in slaves.iter().zip(0..) {
+            // The first four have two places.
+            let index = if nth < 4 && random.chance(0.5) { 0x2001 + nth } else { 0x2100 + nth };
+            configure_at(&mut objects, index, slave);
+        }
+        // What is not taken over must leave this as it is.
+        objects.outputs(0x1600, &[round as u8; 120]);
+        objects.outputs(0x1603, &[round as u8; 256]);
+        let before = place.outputs(<[u8]>::to_vec);
+        let taken = write(&mut objects, 0x2005, 1, 1);
+        let layouts: Vec<_> = (0..SLAVES as u16).map(|slave| layout(&mut objects, slave)).collect();
+        let in_use = (place.is_running(), read(&mut objects, 0x2005, 2));
+        assert_eq!(in_use, (taken.is_ok(), taken.is_ok().into()));
+        match model(&slaves, room) {
+            Some(mut expected) => {
+                assert_eq!(taken, Ok(()), "{room:?} {slaves:?}");
+                long += usize::from(expected.iter().any(|layout| layout[5] > 256));
+                expected.resize(SLAVES, [0; 10]);
+                assert_eq!(layouts, expected);
+                place.outputs(|outputs| assert_eq!(outputs, [0; 512]));
+                good += 1;
+                many += usize::from(count > 16);
             }
-            // What is not taken over must leave this as it is.
-            objects.outputs(0x1600, &[round as u8; 120]);
-            objects.outputs(0x1603, &[round as u8; 256]);
-            let before = place.outputs(<[u8]>::to_vec);
-            let taken = write(&mut objects, 0x2005, 1, 1);
-            let layouts: Vec<_> = (0..SLAVES as u16).map(|slave| layout(&mut objects, slave)).collect();
-            let in_use = (place.is_running(), read(&mut objects, 0x2005, 2));
-            assert_eq!(in_use, (taken.is_ok(), taken.is_ok().into()));
-            match model(&slaves, room) {
-                Some(mut expected) => {
-                    assert_eq!(taken, Ok(()), "{room:?} {slaves:?}");
-                    long += usize::from(expected.iter().any(|layout| layout[5] > 256));
-                    expected.resize(SLAVES, [0; 10]);
-                    assert_eq!(layouts, expected);
-                    place.outputs(|outputs| assert_eq!(outputs, [0; 512]));
-                    good += 1;
-                    many += usize::from(count > 16);
-                }
-                None => {
-                    assert_eq!(taken, Err(Abort::Incompatible), "{room:?} {slaves:?}");
-                    assert!(reason(&mut objects).starts_with("slave "));
-                    assert_eq!(layouts, [[0; 10]; SLAVES], "none is in use");
-                    place.outputs(|outputs| assert_eq!(outputs, before));
-                    bad += 1;
-                }
+            None => {
+                assert_eq!(taken, Err(Abort::Incompatible), "{room:?} {slaves:?}");
+                assert!(reason(&mut objects).starts_with("slave "));
+                assert_eq!(layouts, [[0; 10]; SLAVES], "none is in use");
+                place.outputs(|outputs| assert_eq!(outputs, before));
+                bad += 1;
             }
         }
-    });
+    }
     let are_enough = good > 300 && bad > 300 && long > 50 && many > 10;
     assert!(are_enough, "{good} good, {bad} bad, {long} long, {many} many");
 }

@@ -149,11 +149,17 @@ impl<'t> Finder<'t> {
         }
     }
 
+    /// Whether it computes and assigns, such as `+=`.
+    fn assigns(&self, op: &BinOp) -> bool {
+        let computes = self.source(op.span()).strip_suffix('=');
+        computes.is_some_and(|computes| !["<", ">", "=", "!"].contains(&computes))
+    }
+
     /// A statement that calls or assigns may be left out; `span` has its semicolon.
     fn call(&mut self, expression: &Expr, span: Span) {
         let acts = match expression {
             Expr::Call(_) | Expr::MethodCall(_) | Expr::Await(_) | Expr::Assign(_) | Expr::Try(_) => true,
-            Expr::Binary(binary) => compound(&binary.op).is_some(),
+            Expr::Binary(binary) => self.assigns(&binary.op),
             _ => false,
         };
         if acts {
@@ -256,7 +262,7 @@ impl<'ast> Visit<'ast> for Finder<'_> {
         }
         let assigns = match &*arm.body {
             Expr::Assign(_) => true,
-            Expr::Binary(binary) => compound(&binary.op).is_some(),
+            Expr::Binary(binary) => self.assigns(&binary.op),
             _ => false,
         };
         if assigns {
@@ -278,8 +284,8 @@ impl<'ast> Visit<'ast> for Finder<'_> {
             }
             BinOp::Eq(_) | BinOp::Ne(_) if self.is_decided(whole) => {}
             op => {
-                if let Some(other) = swapped(op).or(compound(op)) {
-                    self.replace_part(whole, op.span(), other);
+                if let Some(other) = swapped(self.source(op.span())) {
+                    self.replace_part(whole, op.span(), &other);
                 }
             }
         }
@@ -321,7 +327,7 @@ impl<'ast> Visit<'ast> for Finder<'_> {
 
     fn visit_expr_method_call(&mut self, call: &'ast ExprMethodCall) {
         let whole = Expr::MethodCall(call.clone()).span();
-        if let Some(other) = other_method(&call.method.to_string())
+        if let Some(other) = other(METHODS, &call.method.to_string())
             && !self.is_decided(whole)
         {
             self.replace_part(whole, call.method.span(), other);
@@ -337,60 +343,23 @@ impl<'ast> Visit<'ast> for Finder<'_> {
     }
 }
 
-/// The binary operator that is a small slip away.
-fn swapped(op: &BinOp) -> Option<&'static str> {
-    Some(match op {
-        BinOp::Lt(_) => "<=",
-        BinOp::Le(_) => "<",
-        BinOp::Gt(_) => ">=",
-        BinOp::Ge(_) => ">",
-        BinOp::Eq(_) => "!=",
-        BinOp::Ne(_) => "==",
-        BinOp::Add(_) => "-",
-        BinOp::Sub(_) => "+",
-        BinOp::Mul(_) => "/",
-        BinOp::Div(_) | BinOp::Rem(_) => "*",
-        BinOp::BitAnd(_) => "|",
-        BinOp::BitOr(_) | BinOp::BitXor(_) => "&",
-        BinOp::Shl(_) => ">>",
-        BinOp::Shr(_) => "<<",
-        _ => return None,
+/// Binary operators and methods of which one is a small slip away from the other.
+const OPERATORS: &str = "<:<= >:>= ==:!= +:- *:/ &:| <<:>> %:* ^:&";
+const METHODS: &str = "min:max is_some:is_none is_ok:is_err any:all wrapping_add:wrapping_sub \
+                       saturating_add:saturating_sub checked_add:checked_sub";
+
+/// The other one of the first of these pairs that has `one`.
+fn other(pairs: &'static str, one: &str) -> Option<&'static str> {
+    pairs.split(' ').filter_map(|pair| pair.split_once(':')).find_map(|(first, second)| match one {
+        _ if one == first => Some(second),
+        _ => (one == second).then_some(first),
     })
 }
 
-/// The same for operators that assign.
-fn compound(op: &BinOp) -> Option<&'static str> {
-    Some(match op {
-        BinOp::AddAssign(_) => "-=",
-        BinOp::SubAssign(_) => "+=",
-        BinOp::MulAssign(_) => "/=",
-        BinOp::DivAssign(_) | BinOp::RemAssign(_) => "*=",
-        BinOp::BitAndAssign(_) => "|=",
-        BinOp::BitOrAssign(_) | BinOp::BitXorAssign(_) => "&=",
-        BinOp::ShlAssign(_) => ">>=",
-        BinOp::ShrAssign(_) => "<<=",
-        _ => return None,
-    })
-}
-
-fn other_method(name: &str) -> Option<&'static str> {
-    Some(match name {
-        "min" => "max",
-        "max" => "min",
-        "is_some" => "is_none",
-        "is_none" => "is_some",
-        "is_ok" => "is_err",
-        "is_err" => "is_ok",
-        "any" => "all",
-        "all" => "any",
-        "wrapping_add" => "wrapping_sub",
-        "wrapping_sub" => "wrapping_add",
-        "saturating_add" => "saturating_sub",
-        "saturating_sub" => "saturating_add",
-        "checked_add" => "checked_sub",
-        "checked_sub" => "checked_add",
-        _ => return None,
-    })
+/// The operator that is a small slip away, also of one that assigns.
+fn swapped(operator: &str) -> Option<String> {
+    let assigning = || Some(other(OPERATORS, operator.strip_suffix('=')?)?.to_owned() + "=");
+    other(OPERATORS, operator).map(str::to_owned).or_else(assigning)
 }
 
 fn same_logic(one: &BinOp, other: &BinOp) -> bool {

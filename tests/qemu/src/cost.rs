@@ -7,12 +7,15 @@ use std::time::Duration;
 
 use crate::figure::{Target, figure};
 use crate::passing::Passing;
-use crate::{Bus, Console, Figures, Machine, Options, image};
+use crate::{Bus, Console, Figures, Image, Machine, Options, image};
 
 /// The counts and sizes that hold as good; more is a fault that a change of this file must own up to.
 const BUDGETS: &str = include_str!("../budgets");
 /// Room that a count has above its budget.
 const GROWTH: f64 = 1.05;
+/// Sessions by SSH that the board has, and sockets.
+const SSH_SESSIONS: f64 = 8.0;
+const SOCKETS: f64 = 26.0;
 /// Times that each thing is measured.
 const TRIALS: usize = 21;
 /// Time after which nothing happens any more.
@@ -25,6 +28,9 @@ const PER_BYTE_MAX: f64 = 60.0;
 const FEW_REGISTERS: u8 = 20;
 const MANY_REGISTERS: u8 = 120;
 const BYTE_TRIALS: usize = 9;
+/// Passwords that are set, and the clocks of boards in MHz.
+const PASSWORDS: usize = 5;
+const BOARDS: [(&str, f64); 3] = [("f429zi", 168.0), ("f767zi", 216.0), ("h743zi", 400.0)];
 /// The board's counts of ticks come round.
 const TICKS_ROUND: u32 = 1 << 24;
 
@@ -44,6 +50,19 @@ pub fn sizes() {
     figure("qemu_image_ram", data + bss, "bytes", Target::AtMost(budget("image_ram")));
 }
 
+/// Prints the bytes of a session by SSH: its task, and the buffer of its socket.
+pub fn ssh_session() {
+    let output = Command::new("nm").args(["--demangle", "--print-size"]).arg(Image::Ssh.build()).output();
+    let symbols = String::from_utf8(output.expect("nm, of binutils").stdout).unwrap();
+    let size = |name: &str| {
+        let symbol = symbols.lines().find(|line| line.ends_with(name)).unwrap_or_else(|| panic!("no {name}"));
+        let size = symbol.split(' ').nth(1).and_then(|size| u32::from_str_radix(size, 16).ok());
+        f64::from(size.expect("a size"))
+    };
+    let bytes = size("::ssh::session::POOL") / SSH_SESSIONS + size("::network::start::BUFFERS") / SOCKETS;
+    figure("qemu_ssh_session_ram", bytes, "bytes", Target::AtMost(budget("ssh_session")));
+}
+
 /// Prints the instructions of a transaction and of a byte that is passed on; gives those of a transaction.
 pub fn instructions(folder: &Path) -> f64 {
     let machine = Machine::start(folder, Options { counts_instructions: true, ..Options::default() });
@@ -54,10 +73,28 @@ pub fn instructions(folder: &Path) -> f64 {
     let transaction = typical(&mut figures, TRIALS, || drop(client.read(1, 0, 10)));
     let target = Target::AtMost(GROWTH * budget("transaction_instructions"));
     figure("qemu_transaction_instructions", transaction.all, "instructions", target);
+    password(&mut machine.console(), &mut figures);
     passed_on(&machine, &mut figures);
     let most = Target::AtMost(budget("stack"));
     figure("qemu_stack_icount", f64::from(figures.stack_bytes()), "bytes", most);
     transaction.all
+}
+
+/// Prints the memory and the instructions of a password's hash, and how long a board stands still for it, at an instruction a cycle.
+fn password(console: &mut Console, figures: &mut Figures) {
+    assert_eq!(console.run("user anna role viewer"), "");
+    let hashed = typical(figures, PASSWORDS, || {
+        console.type_keys("password anna\rlet me in\rlet me in\r");
+        console.read_until("*> ");
+    });
+    let secrets = console.run("show config secrets");
+    let memory = secrets.split_once("$m=").and_then(|(_, costs)| costs.split_once(',')?.0.parse().ok());
+    figure("argon2_memory_kib", memory.expect("a hash"), "KiB", Target::None);
+    figure("argon2_instructions", hashed.all, "instructions", Target::None);
+    for (board, mhz) in BOARDS {
+        figure(&format!("{board}_argon2_ms"), hashed.all / mhz / 1000.0, "ms", Target::None);
+    }
+    assert_eq!(console.run("delete user anna"), "");
 }
 
 /// Writes and reads of many registers and of few, from line to line, while they arrive.

@@ -26,6 +26,7 @@ pub use bus::Bus;
 pub use client::Client;
 pub use console::{Console, Figures};
 pub use controller::Controller;
+pub use image::Image;
 pub use machine::{Machine, Options};
 
 use std::thread::sleep;

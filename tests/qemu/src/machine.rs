@@ -8,7 +8,7 @@ use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::{Arc, Mutex};
 use std::thread;
 
-use crate::{Bus, Client, Console, Figures, PATIENCE, image, wait_for};
+use crate::{Bus, Client, Console, Figures, Image, PATIENCE, image, wait_for};
 
 /// UARTs of the board: the console, three lines, the figures.
 const UARTS: usize = 5;
@@ -21,6 +21,8 @@ pub struct Options {
     pub counts_instructions: bool,
     /// What the board is told, see boards/qemu_mps2/emulate.
     pub words: String,
+    /// What runs.
+    pub image: Image,
 }
 
 /// A running emulator.
@@ -29,6 +31,7 @@ pub struct Machine {
     log: Arc<Mutex<String>>,
     folder: PathBuf,
     port: u16,
+    ssh_port: u16,
 }
 
 impl Machine {
@@ -40,9 +43,11 @@ impl Machine {
     }
 
     fn start_only(folder: &Path, options: Options) -> Self {
-        let port = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap().local_addr().unwrap().port();
+        // Both are open until the other is known.
+        let free = [(); 2].map(|()| TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap());
+        let [port, ssh_port] = free.map(|listener| listener.local_addr().unwrap().port());
         let mut command = Command::new(image::root().join("boards/qemu_mps2/emulate"));
-        command.arg(image::build()).arg(folder.join("flash")).env("MOBGATE_WORDS", &options.words);
+        command.arg(options.image.build()).arg(folder.join("flash")).env("MOBGATE_WORDS", &options.words);
         for uart in 0..UARTS {
             let path = socket(folder, uart);
             let _ = std::fs::remove_file(&path);
@@ -55,7 +60,8 @@ impl Machine {
         command.arg("-chardev");
         command.arg(format!("socket,id=monitor,path={},server=on,wait=off", monitor.display()));
         command.args(["-mon", "chardev=monitor"]);
-        command.args(["-nic", &format!("user,id=net,hostfwd=tcp:127.0.0.1:{port}-:502")]);
+        let forward = |from: u16, to: u16| format!(",hostfwd=tcp:127.0.0.1:{from}-:{to}");
+        command.args(["-nic", &format!("user,id=net{}{}", forward(port, 502), forward(ssh_port, 22))]);
         if options.counts_instructions {
             // 64 ns for each.
             command.args(["-icount", "shift=6"]);
@@ -68,7 +74,7 @@ impl Machine {
                 into.lock().unwrap().push_str(&format!("{line}\n"));
             }
         });
-        Self { child, log, folder: folder.to_owned(), port }
+        Self { child, log, folder: folder.to_owned(), port, ssh_port }
     }
 
     /// What the board has logged.
@@ -115,6 +121,11 @@ impl Machine {
     /// The host's TCP port that leads to the board's Modbus TCP port.
     pub fn port(&self) -> u16 {
         self.port
+    }
+
+    /// The host's TCP port that leads to the board's port for SSH.
+    pub fn ssh_port(&self) -> u16 {
+        self.ssh_port
     }
 
     /// A Modbus TCP client.

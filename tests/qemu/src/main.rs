@@ -14,6 +14,7 @@ fn main() -> ExitCode {
         [] => demonstrate(folder.path()),
         ["figures"] => {
             cost::sizes();
+            cost::ssh_session();
             let instructions = cost::instructions(folder.path());
             shift::figures(folder.path(), instructions);
             shift::passed_on(folder.path());

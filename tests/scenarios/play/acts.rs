@@ -11,7 +11,7 @@ use mobgate_simulator::{Random, World, console, fault::babble};
 
 use super::Stage;
 use crate::faults::faults;
-use crate::script::exchange;
+use crate::script::{each, exchange};
 use crate::words::{bytes, duration, listed, number, words};
 
 /// Time for the gateway to take note of something that has just been done to it.
@@ -38,7 +38,8 @@ impl Stage<'_, '_, '_> {
             }
         }
         if let Some((count, repeated)) = sentence.split_once(" times: ") {
-            let mut once = || repeated.split("; ").try_for_each(|sentence| self.act(world, sentence));
+            let mut once =
+                || repeated.split("; ").flat_map(each).try_for_each(|sentence| self.act(world, &sentence));
             return (0..number(count)?).try_for_each(|_| once());
         }
         if let Some((question, answer)) = exchange(sentence) {

@@ -63,6 +63,11 @@ pub enum Fault {
 }
 
 impl Fault {
+    /// What a bad line does to responses.
+    pub const DAMAGED: [Self; 4] = [Self::BadCrc, Self::FlippedBit, Self::LostByte, Self::Truncated];
+    /// Good frames that are no response to the request.
+    pub const MISFITS: [Self; 2] = [Self::WrongFunction, Self::WrongLength];
+
     /// One that makes answers late, without a bound: much or little, in the time-outs of most tests.
     pub fn draw_late(random: &mut Random) -> Self {
         let mean = Duration::from_millis(random.within(10..=500));

@@ -12,6 +12,7 @@ use embassy_time::Duration;
 use mobgate::capture::Capture;
 use mobgate::fieldbus::EthercatState;
 use mobgate::frame::{FramePool, Slot};
+use mobgate::gateway::audit::AuditMemory;
 use mobgate::gateway::{Candidate, Connection, Gateway, Ports};
 use mobgate::language::{Loader, apply};
 use mobgate::scanner::ScannerState;
@@ -108,10 +109,11 @@ pub fn with_gateway_on<T>(
     let scanner = ScannerState::new();
     let capture = Capture::new();
     let ethercat = (size.ethercat)();
-    let candidate = Candidate::new();
+    let (candidate, audit) = (Candidate::new(), AuditMemory::new());
     // In a frame of its own, whose moves of the large value do not stay on the stack of the scenario.
     let build = || {
         let gateway = Gateway::new(&pool, &places, &connections).with_candidate(&candidate);
+        let gateway = gateway.with_audit(&audit);
         Box::new(gateway.with_scanner(&scanner).with_capture(&capture).with_ethercat(&ethercat))
     };
     let gateway = build();

@@ -71,14 +71,7 @@ fn instructions(report: &str) -> Option<u64> {
 pub(crate) fn figures(_: Effort) {
     // Detached, so that the program is the child and gets the signal that ends it.
     let strace = |report: &Path| {
-        vec![
-            "strace".into(),
-            "-D".into(),
-            "-f".into(),
-            "-c".into(),
-            "-o".into(),
-            report.display().to_string(),
-        ]
+        ["strace", "-D", "-f", "-c", "-o", &report.to_string_lossy()].map(String::from).into()
     };
     let calls = |report: &str| {
         // 100.00    0.000000           0         0         0 total

@@ -12,6 +12,8 @@
 
 use std::time::Duration;
 
+#[path = "../../tests/peers/authority.rs"]
+mod authority;
 #[path = "../../tests/common/mod.rs"]
 mod common;
 mod contestants;
@@ -25,6 +27,7 @@ mod line;
 mod load;
 mod loads;
 mod ports;
+mod secure;
 mod statistics;
 mod tcp_device;
 mod usage;
@@ -49,7 +52,7 @@ impl Effort {
 type Group = fn(Effort);
 
 fn main() {
-    let groups: [(&str, Group); 13] = [
+    let groups: [(&str, Group); 14] = [
         ("unpaced", loads::unpaced),
         ("paced", loads::paced),
         ("strict", loads::strict),
@@ -59,6 +62,7 @@ fn main() {
         ("polite", loads::polite),
         ("tcp", loads::tcp),
         ("ports", ports::figures),
+        ("secure", secure::figures),
         ("flood", flood::figures),
         ("counts", counts::figures),
         ("refusals", counts::refusals),

@@ -105,7 +105,7 @@ async fn session(
         }
         None => guest.begin().await?,
     };
-    console::run(gateway, Watched { guest, last }, &mut store, &mut by_package(), system, mode).await
+    console::run(gateway, &mut Watched { guest, last }, &mut store, &mut by_package(), system, mode).await
 }
 
 /// Ends a session and tells its user why; returns the guest that displaced it.

@@ -1,9 +1,10 @@
 //! The real program between Modbus software by others: `mbpoll`, pymodbus, tokio-modbus and modbus-serial ask by TCP,
-//! modbus-serial also by RTU; pymodbus, rmodbus and tokio-modbus answer by RTU on PTYs that `socat` joins, modbus-serial by TCP.
+//! modbus-serial also by RTU; OpenSSL, pymodbus and pysunspec2 ask by TLS; pymodbus, rmodbus and tokio-modbus answer by RTU on PTYs that `socat` joins, modbus-serial by TCP.
 //!
 //! A missing outside program fails a test, with the command that installs it. Python is the virtual environment's that
 //! `cargo xtask install peers` makes, or the one that the variable `MOBGATE_PYTHON` names; modbus-serial is what it installs for Node.js.
 
+mod authority;
 #[path = "../common/mod.rs"]
 mod common;
 mod lines;
@@ -15,4 +16,6 @@ mod points;
 mod pymodbus;
 mod rmodbus_server;
 mod rust_crates;
+mod secure;
+mod secure_device;
 mod tokio_server;

@@ -21,15 +21,15 @@ impl Tool {
         Self { program: "socat".into(), install: "apt-get install socat".into() }
     }
 
-    /// A Python that has pymodbus: the one that `MOBGATE_PYTHON` names, or else the virtual environment's.
+    /// A Python that has pymodbus and others: the one that `MOBGATE_PYTHON` names, or else the virtual environment's.
     pub(crate) fn python() -> Self {
         let prepared = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../target/python/bin/python3");
         let python = Self {
             program: env::var_os("MOBGATE_PYTHON").unwrap_or(prepared.into()),
             install: "cargo xtask install peers".into(),
         };
-        let (good, said) = python.run(&["-c", "import pymodbus.simulator, serial"]);
-        assert!(good, "pymodbus or pyserial is missing: {}\n{said}", python.install);
+        let (good, said) = python.run(&["-c", "import pymodbus.simulator, serial, sunspec2"]);
+        assert!(good, "pymodbus, pyserial or pysunspec2 is missing: {}\n{said}", python.install);
         python
     }
 

@@ -8,6 +8,7 @@ use ring::aead::chacha20_poly1305_openssh::{OpeningKey, SealingKey, TAG_LEN};
 use ring::agreement::{EphemeralPrivateKey, UnparsedPublicKey, X25519, agree_ephemeral};
 use ring::digest::{SHA256, digest};
 use ring::rand::SystemRandom;
+use ring::signature::{Ed25519KeyPair, KeyPair};
 use socket2::{Domain, Socket, Type};
 
 const IDENTIFICATION: &str = "SSH-2.0-random";
@@ -16,6 +17,13 @@ const PATIENCE: Duration = Duration::from_secs(10);
 const WRITE_PATIENCE: Duration = Duration::from_secs(1);
 /// A longer packet is none of the server's.
 const PACKET_BYTES_MAX: usize = 40_000;
+
+/// What the client's key is made of, and its public part as settings have it.
+const SEED: [u8; 32] = [9; 32];
+// Not every test has users with keys.
+#[allow(dead_code)]
+pub(crate) const KEY: &str =
+    "ssh-ed25519 AAAAC3NzaC1lZDI1NTE5AAAAIP0XJDhaoMdbZPt4zWAvodmR/ev3axPFjtcC6sg16fYY";
 
 /// How far a connection has come.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -41,6 +49,10 @@ pub(crate) struct Client {
     sent: u32,
     received: u32,
     keys: Option<(SealingKey, OpeningKey)>,
+    /// The session's number: the hash of the exchange.
+    session: Vec<u8>,
+    /// Logs in with a key instead of a password.
+    has_key: bool,
     /// What the server calls the channel.
     pub(crate) channel: u32,
 }
@@ -64,6 +76,13 @@ fn put_number(into: &mut Vec<u8>, bytes: &[u8]) {
     put(into, &[if zero { &[0][..] } else { &[] }, &bytes[start..]].concat());
 }
 
+fn password_request() -> Vec<u8> {
+    let mut request = strings(50, &[b"vera", b"ssh-connection", b"password"]);
+    request.push(0);
+    put(&mut request, b"let me in");
+    request
+}
+
 fn broken(what: &str) -> io::Error {
     io::Error::other(what.to_owned())
 }
@@ -78,7 +97,16 @@ impl Client {
         stream.set_nodelay(true)?;
         stream.set_read_timeout(Some(PATIENCE))?;
         stream.set_write_timeout(Some(WRITE_PATIENCE))?;
-        Ok(Self { stream, sent: 0, received: 0, keys: None, channel: 0 })
+        let session = Vec::new();
+        Ok(Self { stream, sent: 0, received: 0, keys: None, session, has_key: false, channel: 0 })
+    }
+
+    /// Lets it log in with [`KEY`].
+    // Not every test does.
+    #[allow(dead_code)]
+    pub(crate) fn with_key(mut self) -> Self {
+        self.has_key = true;
+        self
     }
 
     /// Brings a new connection to `stage`.
@@ -96,18 +124,9 @@ impl Client {
         if stage == Stage::Exchange {
             return Ok(self);
         }
-        let lists = [
-            "curve25519-sha256,kex-strict-c-v00@openssh.com",
-            "ssh-ed25519",
-            "chacha20-poly1305@openssh.com",
-            "chacha20-poly1305@openssh.com",
-            "hmac-sha2-256-etm@openssh.com",
-            "hmac-sha2-256-etm@openssh.com",
-            "none",
-            "none",
-            "",
-            "",
-        ];
+        let [cipher, check] = ["chacha20-poly1305@openssh.com", "hmac-sha2-256-etm@openssh.com"];
+        let exchange = "curve25519-sha256,kex-strict-c-v00@openssh.com";
+        let lists = [exchange, "ssh-ed25519", cipher, cipher, check, check, "none", "none", "", ""];
         let mut own = vec![20];
         own.extend([7; 16]);
         lists.iter().for_each(|list| put(&mut own, list.as_bytes()));
@@ -126,9 +145,7 @@ impl Client {
         if stage == Stage::LogIn {
             return Ok(self);
         }
-        let mut request = strings(50, &[b"vera", b"ssh-connection", b"password"]);
-        request.push(0);
-        put(&mut request, b"let me in");
+        let request = if self.has_key { self.key_request() } else { password_request() };
         self.send(&request)?;
         self.receive_kind(52)?;
         let mut open = strings(90, &[b"session"]);
@@ -138,6 +155,21 @@ impl Client {
         let channel = opened.get(5..9).and_then(|number| number.try_into().ok());
         self.channel = channel.map(u32::from_be_bytes).ok_or_else(|| broken("too short"))?;
         Ok(self)
+    }
+
+    /// Asks to log in with [`KEY`] (RFC 4252, 7).
+    fn key_request(&self) -> Vec<u8> {
+        let pair = Ed25519KeyPair::from_seed_unchecked(&SEED).unwrap();
+        let typed = |bytes: &[u8]| strings(0, &[b"ssh-ed25519", bytes])[1..].to_vec();
+        let mut request = strings(50, &[b"vera", b"ssh-connection", b"publickey"]);
+        request.push(1);
+        put(&mut request, b"ssh-ed25519");
+        put(&mut request, &typed(pair.public_key().as_ref()));
+        let mut signed = Vec::new();
+        put(&mut signed, &self.session);
+        signed.extend(&request);
+        put(&mut request, &typed(pair.sign(&signed).as_ref()));
+        request
     }
 
     /// Agrees on keys (RFC 8731).
@@ -175,6 +207,7 @@ impl Client {
             let second = digest(&SHA256, &[&secret, hash.as_ref(), first.as_ref()].concat());
             [first.as_ref(), second.as_ref()].concat().try_into().unwrap_or([0; 64])
         };
+        self.session = hash.as_ref().to_vec();
         self.send(&[21])?;
         self.receive_kind(21)?;
         self.keys = Some((SealingKey::new(&key(b'C')), OpeningKey::new(&key(b'D'))));

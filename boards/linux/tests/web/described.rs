@@ -1,11 +1,14 @@
 //! docs/openapi.yaml against the program: each path, method, status and field that it describes, and none besides.
 
 use std::collections::BTreeSet;
+use std::io::{Read, Write};
+use std::net::TcpStream;
 use std::path::Path;
 
 use serde_json::{Value, json};
+use serial2::SerialPort;
 
-use crate::common::{self, Program};
+use crate::common::{self, Program, wait_for};
 use crate::http::{Request, Response};
 use crate::{Web, with};
 
@@ -136,6 +139,22 @@ impl Caller {
         self.note(path, method, response)
     }
 
+    /// Frames come as they are on the wire, once one of the connections for events is free again.
+    fn frames(&mut self) {
+        let path = "/api/v1/frames";
+        let mut client = self.web.program.connect();
+        let (mut stream, head) = wait_for("a free connection", || {
+            let mut stream = self.request(path, "GET", "").open();
+            let head = read_until(&mut stream, b"\r\n\r\n", || {});
+            head.starts_with(b"HTTP/1.1 200").then_some((stream, head))
+        });
+        assert!(contains(&head, b"application/x-pcapng"));
+        read_until(&mut stream, b"mbtcp", || {
+            common::ask(&mut client, 1, &[3, 0, 0, 0, 1]);
+        });
+        self.seen.insert((path.to_owned(), "GET".to_owned(), 200));
+    }
+
     /// The events are as the status is; a fifth connection for them is refused.
     fn events(&mut self) {
         let path = "/api/v1/events";
@@ -149,6 +168,9 @@ impl Caller {
         }
         self.seen.insert((path.to_owned(), "GET".to_owned(), 200));
         self.call("events", "GET", "", 409);
+        self.call("frames", "GET", "", 409);
+        drop(held);
+        self.frames();
     }
 
     /// Provokes the refusals that are alike for all operations.
@@ -184,8 +206,77 @@ impl Caller {
     }
 }
 
+fn contains(text: &[u8], part: &[u8]) -> bool {
+    text.windows(part.len()).any(|found| found == part)
+}
+
+/// Reads until `part` has come; before each piece there is something to do.
+fn read_until(stream: &mut TcpStream, part: &[u8], mut before: impl FnMut()) -> Vec<u8> {
+    let mut received = Vec::new();
+    while !contains(&received, part) {
+        before();
+        let mut piece = [0; 4_096];
+        let count = stream.read(&mut piece).unwrap();
+        assert!(count > 0, "it ended");
+        received.extend_from_slice(&piece[..count]);
+    }
+    received
+}
+
+/// A scan goes on while it is read, others wait meanwhile, and it can be stopped.
+fn long_work(caller: &mut Caller) {
+    let tune = caller.call("tune", "POST", r#"{"port":"bare"}"#, 200).body;
+    assert!(tune.contains("no unit has answered at this port yet"), "{tune}");
+    let scan = |caller: &mut Caller, units, status| {
+        let body = format!(r#"{{"port":"bare","bauds":[9600],"units":"{units}"}}"#);
+        caller.call("scan", "POST", &body, status).body
+    };
+    assert!(scan(caller, "1-2", 200).contains("0 units found"));
+    let body = r#"{"port":"bare","units":"1-247"}"#;
+    let length = body.len().to_string();
+    let request = caller.request("/api/v1/scan", "POST", "").header("Content-Length", &length);
+    let mut stream = request.open();
+    stream.write_all(body.as_bytes()).unwrap();
+    read_until(&mut stream, b"9600 8E1", || {});
+    scan(caller, "1-2", 409);
+    for path in ["scan", "tune"] {
+        caller.call(path, "POST", r#"{"port":"nobody"}"#, 422);
+    }
+    caller.call("tune", "POST", r#"{"port":"bare"}"#, 409);
+    caller.call("stop", "POST", "", 204);
+    let mut rest = Vec::new();
+    stream.read_to_end(&mut rest).unwrap();
+    assert!(contains(&rest, b"0 units found"), "{}", String::from_utf8_lossy(&rest));
+}
+
+/// The calls that run commands of the console.
+fn commands(caller: &mut Caller) {
+    for path in ["log", "audit", "users"] {
+        let rows = caller.call(path, "GET", "", 200).json();
+        assert!(!rows[path].as_array().unwrap().is_empty(), "{path} of {rows}");
+    }
+    let explain = r#"{"port":"P502","unit":5,"function":3,"address":9,"count":2,"from":"127.0.0.1"}"#;
+    let explained = caller.call("explain", "POST", explain, 200).json();
+    let expected = json!({"outcome": "local", "rule": 1, "text": "rule 1: to the gateway's own unit"});
+    assert_eq!(explained, expected);
+    caller.call("explain", "POST", &explain.replace("P502", "nobody"), 422);
+    caller.call("point", "POST", r#"{"point":"lamps","values":[1,0,1]}"#, 204);
+    caller.call("point", "POST", r#"{"point":"nobody","values":[1]}"#, 422);
+    // There is nothing to write at an input register.
+    caller.call("point", "POST", r#"{"point":"level","values":[1]}"#, 409);
+    long_work(caller);
+    let saved = caller.call("settings/versions", "GET", "", 200).json();
+    assert!(saved["versions"][0]["who"].as_str().unwrap().contains("anna"), "{saved}");
+    caller.call("settings/versions", "POST", r#"{"version":99}"#, 409);
+    caller.call("settings/versions", "POST", r#"{"version":0}"#, 204);
+    caller.call("settings/candidate", "DELETE", "", 204);
+    caller.call("password", "POST", r#"{"user":"viewer","password":"battery staple"}"#, 204);
+    caller.call("password", "POST", r#"{"user":"viewer","password":"short"}"#, 422);
+}
+
 const SETTINGS: &str = "port P502 tcp server 127.0.0.1:{port}
 port own tcp client 127.0.0.1:{port}
+port bare serial {device} rtu client 9600 8N1
 port many tcp client
 server many unit 1-5 at 127.0.0.1:{port}
 port poll scanner
@@ -199,7 +290,9 @@ route poll 1 * * own
 #[test]
 fn the_program_is_as_its_description_says() {
     let described = Description::read();
-    let web = with(SETTINGS);
+    let (_far, near) = SerialPort::pair().unwrap();
+    let device = rustix::termios::ttyname(&near, Vec::new()).unwrap().into_string().unwrap();
+    let web = with(&SETTINGS.replace("{device}", &device));
     let token = web.token("anna");
     let said = described.said();
     let mut caller = Caller { described, web, token, seen: BTreeSet::new() };
@@ -245,6 +338,7 @@ fn the_program_is_as_its_description_says() {
         // A server is not asked.
         caller.call(path, "POST", &body.replace("own", "P502"), 409);
     }
+    commands(&mut caller);
     caller.call("read", "POST", &ask("holding", ",\"count\":2,\"type\":\"f32\""), 200);
     let status = caller.call("status", "GET", "", 200).json();
     for table in ["ports", "servers", "units", "clients", "rules", "devices", "points"] {

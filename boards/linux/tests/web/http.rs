@@ -78,13 +78,19 @@ impl Request {
         Response::parse(&received)
     }
 
-    /// Sends it, and reads the head and the data of so many events; gives the connection, which is still open, too.
-    pub(crate) fn events(&self, count: usize) -> (String, Vec<Value>, TcpStream) {
+    /// Sends it, without a body.
+    pub(crate) fn open(&self) -> TcpStream {
         let mut stream = TcpStream::connect((Ipv4Addr::LOCALHOST, self.port)).unwrap();
         stream.set_read_timeout(Some(PATIENCE)).unwrap();
         let mut head = format!("{} {} HTTP/1.1\r\nHost: {}\r\n", self.method, self.path, self.host);
         self.headers.iter().for_each(|(name, value)| head.push_str(&format!("{name}: {value}\r\n")));
         stream.write_all(format!("{head}\r\n").as_bytes()).unwrap();
+        stream
+    }
+
+    /// Sends it, and reads the head and the data of so many events; gives the connection, which is still open, too.
+    pub(crate) fn events(&self, count: usize) -> (String, Vec<Value>, TcpStream) {
+        let mut stream = self.open();
         let mut received = String::new();
         while received.matches("\n\n").count() < count {
             let mut piece = [0; 4_096];

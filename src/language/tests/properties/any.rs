@@ -1,5 +1,6 @@
 //! Any settings.
 
+use std::boxed::Box;
 use std::vec::Vec;
 
 use proptest::prelude::*;
@@ -56,8 +57,9 @@ pub(super) fn any_route(ports: Vec<Port>) -> impl Strategy<Value = Route> {
             cut,
         },
     );
-    (0..count, tag, prop::option::of(any_prefix()), destination, policy).prop_map(
-        move |(source, (a, b, kind, value), peer, destination, policy)| {
+    let role = prop::option::of("[!$-+\\--~][!#-+\\--~]{0,30}");
+    (0..count, tag, prop::option::of(any_prefix()), role, destination, policy).prop_map(
+        move |(source, (a, b, kind, value), peer, role, destination, policy)| {
             let units = UnitRange { first: a.min(b), last: a.max(b) };
             let tag = match kind {
                 0 => Tag::Set(value),
@@ -67,11 +69,14 @@ pub(super) fn any_route(ports: Vec<Port>) -> impl Strategy<Value = Route> {
             };
             let is_good = (units.first..=units.last).all(|unit| tag.apply(unit).is_some());
             let tag = if is_good { tag } else { Tag::Keep };
+            let has_roles = ports[source as usize].kind.has_roles();
+            let role = role.filter(|_| has_roles).and_then(|role| ClientRole::new(&role));
+            let role = role.unwrap_or(ClientRole::NONE);
             let has_peers = ports[source as usize].kind.has_peers();
             let source = PortId(source);
             let destination =
                 if destination == Destination::Port(source) { Destination::Local } else { destination };
-            Route { source, units, peer: peer.filter(|_| has_peers), tag, destination, policy }
+            Route { source, units, peer: peer.filter(|_| has_peers), role, tag, destination, policy }
         },
     )
 }
@@ -170,12 +175,23 @@ fn any_users() -> impl Strategy<Value = Vec<User>> {
     })
 }
 
+/// Those that ports with TLS need.
+fn any_certificates() -> impl Iterator<Item = Certificate> {
+    let purposes = [Purpose::Own, Purpose::Clients, Purpose::Servers];
+    let certificate = |(nth, purpose): (usize, Purpose)| {
+        let file = |ending: &str| FileName::try_from(std::format!("/tls/{nth}.{ending}").as_str()).unwrap();
+        let second = (nth != 1).then(|| file("2"));
+        Certificate { name: any_name(nth), purpose, file: file("pem"), second }
+    };
+    purposes.into_iter().enumerate().filter(|_| TLS).map(certificate)
+}
+
 /// A name that no other has.
 fn any_name(nth: usize) -> Name {
     Name::try_from(std::format!("user.{nth}").as_str()).unwrap()
 }
 
-pub(super) fn any_settings() -> impl Strategy<Value = Settings> {
+pub(super) fn any_settings() -> impl Strategy<Value = Box<Settings>> {
     (1..=PORTS_MAX)
         .prop_flat_map(|count| (0..count).map(any_port).collect::<Vec<_>>())
         .prop_flat_map(|ports| {
@@ -187,7 +203,7 @@ pub(super) fn any_settings() -> impl Strategy<Value = Settings> {
             (any_network(), any_mdns(), Just(ports), servers, routes, slaves, any_users())
         })
         .prop_map(|(network, mdns, ports, servers, routes, slaves, users)| {
-            let mut settings = Settings { network, mdns, ..Settings::new() };
+            let mut settings = Box::new(Settings { network, mdns, ..Settings::new() });
             for (slot, port) in settings.ports.iter_mut().zip(ports) {
                 *slot = Some(port);
             }
@@ -199,6 +215,7 @@ pub(super) fn any_settings() -> impl Strategy<Value = Settings> {
             }
             settings.slaves.extend(slaves);
             settings.users.extend(users);
+            settings.certificates.extend(any_certificates());
             settings
         })
 }

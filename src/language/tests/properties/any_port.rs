@@ -137,7 +137,7 @@ pub(super) fn any_tcp_server(n: usize) -> impl Strategy<Value = PortKind> {
         1..=16_u8,
         duration(10_000..=3_600_000_000),
         1..=1_000_u16,
-        (reserved_for, allowed),
+        (reserved_for, allowed, any_tls(1)),
     )
         .prop_map(
             move |(
@@ -147,7 +147,7 @@ pub(super) fn any_tcp_server(n: usize) -> impl Strategy<Value = PortKind> {
                 pipeline,
                 lifetime,
                 reserved,
-                (reserved_for, allowed),
+                (reserved_for, allowed, tls),
             )| {
                 let allowed = Allowed(allowed.into_iter().collect());
                 let reserved = if reserved_for.is_empty() { 0 } else { reserved.min(clients) };
@@ -171,9 +171,28 @@ pub(super) fn any_tcp_server(n: usize) -> impl Strategy<Value = PortKind> {
                     refuses,
                     reserved_for,
                     allowed,
+                    // As the field.
+                    #[cfg(feature = "tls")]
+                    tls: if framing == StreamFraming::Ssh { TlsSettings::OFF } else { tls },
                 })
             },
         )
+}
+
+/// With the certificates of [`any_settings`](super::any::any_settings), of which the one with the number `trust` is for this side.
+#[cfg(feature = "tls")] // Images without TLS have no word of it; also below.
+fn any_tls(trust: usize) -> impl Strategy<Value = TlsSettings> {
+    let name = |nth: usize| Name::try_from(format!("user.{nth}").as_str()).unwrap();
+    (any::<bool>(), any::<bool>(), any::<bool>()).prop_map(move |(on, certificate, trusts)| TlsSettings {
+        on,
+        certificate: (on && certificate).then(|| name(0)),
+        trust: (on && trusts).then(|| name(trust)),
+    })
+}
+
+#[cfg(not(feature = "tls"))] // As above.
+fn any_tls(_: usize) -> impl Strategy<Value = ()> {
+    Just(())
 }
 
 pub(super) fn any_address() -> impl Strategy<Value = ServerAddress> {
@@ -198,11 +217,11 @@ pub(super) fn any_tcp_client() -> impl Strategy<Value = PortKind> {
     let delays = (duration(0..=60_000_000), duration(0..=60_000_000));
     let idle = prop_oneof![zero, duration(1_000_000..=86_400_000_000)];
     let late_window = prop::option::of(duration(0..=hour));
-    let health = (late_window, any::<u8>(), any_proofs());
+    let health = (late_window, any::<u8>(), any_proofs(), any_tls(2));
     (place, duration(1_000..=hour), duration(1_000..=hour), delays, idle, 0..=10_u8, health).prop_map(
         |(place, timeout, connect_timeout, delays, idle, retries, health)| {
             let ((server, sockets), framing, unit, in_flight) = place;
-            let (late_window, down_after, proofs) = health;
+            let (late_window, down_after, proofs, tls) = health;
             let (connect_delay, request_delay) = delays;
             PortKind::TcpClient(TcpClientSettings {
                 unit: unit.filter(|_| server.is_some()),
@@ -219,6 +238,9 @@ pub(super) fn any_tcp_client() -> impl Strategy<Value = PortKind> {
                 late_window,
                 down_after,
                 proofs: if framing == StreamFraming::Rtu { proofs } else { Proofs::default() },
+                // As the field.
+                #[cfg(feature = "tls")]
+                tls,
             })
         },
     )
@@ -283,6 +305,8 @@ pub(super) fn any_ethercat() -> impl Strategy<Value = PortKind> {
                 id,
                 emergencies,
                 modules,
+                // Only asked for with points.
+                ..EthercatSettings::new().unwrap()
             })
         },
     )

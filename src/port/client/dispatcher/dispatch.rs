@@ -24,8 +24,8 @@ impl<'g> Dispatcher<'g> {
     }
 
     /// Waits until [`Dispatcher::next`] or [`Dispatcher::chosen`] may return something new for `connection`.
-    pub(crate) async fn changed(&self, connection: u8) {
-        poll_fn(|context| {
+    pub(crate) fn changed(&self, connection: u8) -> impl Future<Output = ()> {
+        poll_fn(move |context| {
             if self.changed.get(usize::from(connection)).is_some_and(Cell::take) {
                 return Poll::Ready(());
             }
@@ -34,7 +34,6 @@ impl<'g> Dispatcher<'g> {
             }
             Poll::Pending
         })
-        .await
     }
 
     /// Tells the connection that has the server of `unit`, or all connections if none has it. They are polled next, so the task,

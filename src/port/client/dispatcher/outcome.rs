@@ -10,7 +10,7 @@ use crate::port::client::cache::CacheKey;
 use crate::port::client::dispatcher::entry::block;
 use crate::port::client::queue::PortQueue;
 use crate::port::client::servers::CONNECTIONS_MAX;
-use crate::settings::USERS;
+use crate::settings::AUDIT;
 use crate::stats::Event;
 
 impl<'g> Dispatcher<'g> {
@@ -18,7 +18,7 @@ impl<'g> Dispatcher<'g> {
     pub(crate) fn done(&self, request: &Frame<'g>) {
         let Some(frame) = self.end_transaction(request) else { return };
         // Only then one can have come back.
-        if USERS && self.saw_down.get() {
+        if AUDIT && self.saw_down.get() {
             self.tell_health(request.target());
         }
         if request.function() & EXCEPTION_BIT != 0 && frame.transaction().split(request) {
@@ -128,7 +128,7 @@ impl<'g> Dispatcher<'g> {
 
     /// Writes into the audit trail if `unit` went down or came back.
     fn tell_health(&self, unit: u8) {
-        if USERS && let Some(is_up) = self.port_state.units(|units| units.turned(unit)) {
+        if AUDIT && let Some(is_up) = self.port_state.units(|units| units.turned(unit)) {
             self.saw_down.set(true);
             self.gateway.audit_unit(self.id, unit, is_up);
         }

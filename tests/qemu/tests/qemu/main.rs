@@ -2,11 +2,17 @@
 
 use mobgate_qemu::{Bus, Machine, Options};
 
+mod audit;
 mod board;
 mod clients;
 mod ethercat;
+#[path = "../../../../boards/linux/tests/ssh/payload.rs"]
+mod payload;
 mod points;
+#[path = "../../../../boards/linux/tests/ssh/raw.rs"]
+mod raw;
 mod routing;
+mod ssh;
 
 /// A board with its first settings and units 1 to 3, 65 to 67 and 129 to 131 on its three lines.
 struct Bench {

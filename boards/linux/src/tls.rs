@@ -1,0 +1,160 @@
+//! Modbus/TCP Security: TLS 1.2 and 1.3 with the certificates of the settings.
+//!
+//! Nothing is kept between connections: the files are read for each, so a renewed certificate or a new list of revoked ones acts
+//! with the next connection. For the same reason no session is resumed, whose certificate would not be checked again.
+
+use std::net::IpAddr;
+use std::sync::{Arc, OnceLock};
+
+use mobgate::gateway::Gateway;
+use mobgate::hal::{OpenError, OpenErrorKind};
+use mobgate::settings::{
+    Certificate, ClientRole, Host, PortId, Purpose, ServerAddress, Settings, TlsSettings,
+};
+use rustls::client::Resumption;
+use rustls::crypto::CryptoProvider;
+use rustls::crypto::ring::default_provider;
+use rustls::pki_types::ServerName;
+use rustls::server::NoServerSessionStorage;
+use rustls::{ClientConfig, ClientConnection, Connection, ServerConfig, ServerConnection};
+
+mod facts;
+mod files;
+mod reasons;
+mod session;
+mod verify;
+mod watch;
+
+pub(crate) use self::session::Session;
+pub use self::watch::{run as watch, state, write};
+
+use self::files::Fault;
+use self::reasons::reason;
+use self::verify::{Clients, Servers};
+use crate::descriptor::Descriptor;
+
+/// Versions, the better first (Modbus/TCP Security: 1.2 or later).
+const VERSIONS: &[&rustls::SupportedProtocolVersion] = &[&rustls::version::TLS13, &rustls::version::TLS12];
+
+/// What is wrong with a certificate of the settings; the console has the details.
+const UNUSABLE: OpenError =
+    OpenError::new(OpenErrorKind::Failed, "a certificate cannot be used: show certificates");
+
+static GATEWAY: OnceLock<&'static Gateway<'static>> = OnceLock::new();
+
+/// Lets ports of `gateway` speak TLS.
+pub fn start(gateway: &'static Gateway<'static>) {
+    GATEWAY.get_or_init(|| gateway);
+}
+
+/// Fails if clients of the port could not be served.
+pub(crate) fn prepare(port: PortId) -> Result<(), OpenError> {
+    of_port(port, server).map(drop)
+}
+
+/// Begins TLS on `io` as a client of `peer`, or else as a server, and gives the role of a client.
+pub(crate) async fn begin(
+    io: &mut Descriptor<std::net::TcpStream>,
+    port: PortId,
+    peer: Option<&ServerAddress>,
+) -> Result<(Session, ClientRole), OpenError> {
+    let connection = match peer {
+        Some(peer) => {
+            let name = server_name(peer)?;
+            let config = of_port(port, client)?;
+            ClientConnection::new(Arc::new(config), name).map(Connection::Client)
+        }
+        None => ServerConnection::new(of_port(port, server)?).map(Connection::Server),
+    };
+    let connection = connection.map_err(|error| refusal(&error))?;
+    let session = Session::begin(io, connection).await.map_err(|error| refusal_of_io(&error))?;
+    let role = session.peer_certificate().map_or(ClientRole::NONE, facts::role);
+    Ok((session, role))
+}
+
+fn refusal(error: &rustls::Error) -> OpenError {
+    OpenError::new(OpenErrorKind::Failed, reason(error))
+}
+
+fn refusal_of_io(error: &std::io::Error) -> OpenError {
+    let tls = error.get_ref().and_then(|inner| inner.downcast_ref::<rustls::Error>());
+    tls.map_or(OpenError::new(OpenErrorKind::Failed, "it has left before it showed a certificate"), refusal)
+}
+
+/// The name that the certificate of `server` must have.
+fn server_name(server: &ServerAddress) -> Result<ServerName<'static>, OpenError> {
+    match &server.host {
+        Host::Address(address) => Ok(ServerName::IpAddress(IpAddr::into(*address))),
+        Host::Name(name) => ServerName::try_from(name.as_str().to_owned())
+            .map_err(|_| OpenError::new(OpenErrorKind::Failed, "no certificate can have such a name")),
+    }
+}
+
+/// Makes what the port needs of its settings; says in the log what is wrong with a certificate.
+fn of_port<T>(
+    port: PortId,
+    make: impl FnOnce(&Settings, &TlsSettings) -> Result<T, Fault>,
+) -> Result<T, OpenError> {
+    let gateway = GATEWAY.get().ok_or(UNUSABLE)?;
+    gateway.settings(|settings| {
+        let tls = settings.port(port).and_then(|port| port.kind.tls()).ok_or(UNUSABLE)?;
+        make(settings, tls).map_err(|fault| {
+            log::debug!("port {}: {fault}", settings.name(port));
+            UNUSABLE
+        })
+    })
+}
+
+/// The certificate called `name`, or else the first one for `purpose`.
+fn certificate<'s>(
+    settings: &'s Settings,
+    name: Option<&str>,
+    purpose: Purpose,
+) -> impl Iterator<Item = &'s Certificate> {
+    let name = name.map(str::to_owned);
+    settings.certificates().iter().filter(move |certificate| {
+        certificate.purpose == purpose
+            && name.as_ref().is_none_or(|name| certificate.name.eq_ignore_ascii_case(name))
+    })
+}
+
+fn provider() -> Arc<CryptoProvider> {
+    static PROVIDER: OnceLock<Arc<CryptoProvider>> = OnceLock::new();
+    PROVIDER.get_or_init(|| Arc::new(default_provider())).clone()
+}
+
+fn server(settings: &Settings, tls: &TlsSettings) -> Result<Arc<ServerConfig>, Fault> {
+    let own = certificate(settings, tls.certificate.as_deref(), Purpose::Own).next().ok_or(Fault::Absent)?;
+    let (chain, key) = files::own(own)?;
+    let trusted = certificate(settings, tls.trust.as_deref(), Purpose::Clients);
+    let clients =
+        trusted.map(|authority| verify::clients(authority, &provider())).collect::<Result<_, _>>()?;
+    let config = ServerConfig::builder_with_provider(provider()).with_protocol_versions(VERSIONS)?;
+    let config = config.with_client_cert_verifier(Arc::new(Clients::new(clients, provider())));
+    let mut config = config.with_single_cert(chain, key)?;
+    config.session_storage = Arc::new(NoServerSessionStorage {});
+    config.send_tls13_tickets = 0;
+    Ok(Arc::new(config))
+}
+
+fn client(settings: &Settings, tls: &TlsSettings) -> Result<ClientConfig, Fault> {
+    let trusted = certificate(settings, tls.trust.as_deref(), Purpose::Servers);
+    // A server's own certificate is good for the port only that names it: the key of one device must not open another.
+    let may_be_own = tls.trust.is_some();
+    let servers = trusted
+        .map(|authority| verify::servers(authority, may_be_own, &provider()))
+        .collect::<Result<_, _>>()?;
+    let config = ClientConfig::builder_with_provider(provider()).with_protocol_versions(VERSIONS)?;
+    let verifier = Arc::new(Servers::new(servers, provider()));
+    let config = config.dangerous().with_custom_certificate_verifier(verifier);
+    let mut config = match &tls.certificate {
+        None => config.with_no_client_auth(),
+        Some(name) => {
+            let own = certificate(settings, Some(name), Purpose::Own).next().ok_or(Fault::Absent)?;
+            let (chain, key) = files::own(own)?;
+            config.with_client_auth_cert(chain, key)?
+        }
+    };
+    config.resumption = Resumption::disabled();
+    Ok(config)
+}

@@ -1,0 +1,262 @@
+// Clicks through the page: node page.js URL SERIAL-DEVICE TCP-PORT FOLDER GATEWAY-PID. Prints figures; pictures go to the folder.
+
+const { spawnSync } = require("node:child_process");
+const fs = require("node:fs");
+const os = require("node:os");
+const path = require("node:path");
+const { chromium } = require("playwright-core");
+
+const [base, device, modbus, folder, pid] = process.argv.slice(2);
+const AXE = fs.readFileSync(require.resolve("axe-core/axe.min.js"), "utf8");
+const ARGUMENTS = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update", "--disable-sync"];
+const VIEWS = ["overview", "devices", "rules", "points", "frames", "log", "users", "settings", "setup"];
+// Longest wait for anything, on a busy machine.
+const PATIENCE = 60_000;
+
+const faults = [];
+let violations = 0;
+
+function expect(what, well) {
+  if (!well) faults.push(what);
+  console.log(`${well ? "ok  " : "FAIL"} ${what}`);
+}
+
+function figure(name, value, unit, most) {
+  const shown = Number.isInteger(value) ? value : value.toFixed(1);
+  console.log(`figure ${name} ${shown} ${unit} <=${most} ${value <= most ? "ok" : "short"}`);
+  expect(`${name} is at most ${most}`, value <= most);
+}
+
+/// A page of a browser that knows nothing; what goes wrong in it is a fault.
+async function open(browserContext) {
+  const page = await browserContext.newPage();
+  page.setDefaultTimeout(PATIENCE);
+  page.on("pageerror", (error) => faults.push(`script: ${error.stack}`));
+  page.on("console", (message) => {
+    // The first question of a page is who has logged in; and what is not possible now, the page says itself.
+    if (message.type() === "error" && !/status of (401|409)/.test(message.text())) faults.push(`console: ${message.text()}`);
+  });
+  return page;
+}
+
+const shot = (page, name) => page.screenshot({ path: path.join(folder, `${name}.png`), fullPage: true });
+
+async function judge(page, name) {
+  await page.evaluate(AXE);
+  const { violations: found } = await page.evaluate(() => globalThis.axe.run({ runOnly: ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"] }));
+  for (const { id, nodes } of found) console.log(`FAIL ${name}: ${id}: ${nodes.map((node) => node.html.slice(0, 120)).join(" | ")}`);
+  violations += found.length;
+}
+
+async function fitsWidth(page, name) {
+  const wide = await page.evaluate(() => document.documentElement.scrollWidth > innerWidth);
+  expect(`${name} fits its screen`, !wide);
+}
+
+async function logIn(page) {
+  await page.goto(base);
+  await page.getByLabel("User").fill("anna");
+  await page.getByLabel("Password").fill("let me in");
+  await page.getByRole("button", { name: "Log in" }).click();
+  await page.getByRole("navigation").waitFor();
+}
+
+/// From nothing to devices that clients reach.
+async function setUp(context) {
+  const page = await open(context);
+  await page.goto(base);
+  await page.getByLabel("User").waitFor();
+  await shot(page, "login-1440");
+  await judge(page, "log-in");
+  const begin = Date.now();
+  await logIn(page);
+  // With nothing set up, the wizard is the first view.
+  await page.getByLabel("Serial device").fill(device);
+  await page.getByRole("button", { name: "Next" }).click();
+  await page.getByLabel("Units").fill("1-10");
+  await page.getByLabel("19200").uncheck();
+  await shot(page, "setup-2");
+  await page.getByRole("button", { name: "Scan", exact: true }).click();
+  await page.getByRole("button", { name: "Stop" }).waitFor();
+  await shot(page, "setup-scan");
+  await page.getByRole("button", { name: "Next" }).and(page.locator(":enabled")).click();
+  const found = await page.getByRole("region", { name: "Found devices" }).locator("tbody tr").count();
+  expect("the scan finds three devices", found === 3);
+  await page.getByLabel("TCP port").fill(modbus);
+  await shot(page, "setup-3");
+  await page.getByRole("button", { name: "Commit" }).click();
+  await page.getByText("The gateway works").waitFor();
+  await shot(page, "setup-4");
+  figure("page_clicks_s", (Date.now() - begin) / 1000, "s", 60);
+  await page.close();
+}
+
+/// mbpoll reads what was set up. A device's register holds its unit id, and its address.
+function read() {
+  for (const unit of [1, 2, 3]) {
+    const words = `-m tcp -p ${modbus} -a ${unit} -t 4 -r 8 -c 1 -o 5 -1 127.0.0.1`;
+    const { status, stdout } = spawnSync("mbpoll", words.split(" "), { encoding: "utf8" });
+    expect(`mbpoll reads unit ${unit}`, status === 0 && new RegExp(`\\[8\\]:\\s+${unit * 256 + 7}\\b`).test(stdout));
+  }
+}
+
+/// Round trips until the picture is there for a user who has logged in: each connection is made for one request, and takes one more.
+async function firstPicture(context) {
+  const page = await open(context);
+  const session = await context.newCDPSession(page);
+  await session.send("Network.enable");
+  const trips = new Map();
+  const requests = [];
+  session.on("Network.requestWillBeSent", ({ request, initiator }) => {
+    const at = request.url;
+    const by = initiator.url || initiator.stack?.callFrames.at(-1)?.url;
+    requests.push(at);
+    trips.set(at, (at === `${base}/` ? 0 : trips.get(by) ?? 0) + 2);
+  });
+  let bytes = 0;
+  session.on("Network.loadingFinished", ({ encodedDataLength }) => { bytes += encodedDataLength; });
+  await page.goto(`${base}/`);
+  await page.locator("svg.flow").waitFor();
+  const needed = requests.filter((at) => !/events|icon/.test(at));
+  console.log(`the first picture takes ${needed.map((at) => at.slice(base.length)).join(" ")}: ${bytes} bytes with all heads`);
+  expect("nothing is asked for twice", new Set(needed).size === needed.length);
+  figure("page_round_trips", Math.max(...needed.map((at) => trips.get(at))), "round trips", 4);
+  await page.close();
+}
+
+/// Each view, at this size and in these colours.
+async function look(browser, state, width, colorScheme) {
+  const context = await browser.newContext({ viewport: { width, height: 900 }, colorScheme, storageState: state });
+  const page = await open(context);
+  for (const view of VIEWS) {
+    await page.goto(`${base}/#/${view}`);
+    await page.locator(`main h1`).waitFor();
+    await page.locator(`nav a[href="#/${view}"][aria-current]`).waitFor();
+    if (view === "devices") await page.locator("td button.link").first().click();
+    if (view === "frames") await page.getByRole("button", { name: "Start" }).click();
+    if (view === "rules") {
+      await page.getByRole("button", { name: "Try", exact: true }).click();
+      await page.getByText(/It is passed on|No rule is for it|It is refused/).waitFor();
+    }
+    const name = `${view}-${width}-${colorScheme}`;
+    await judge(page, name);
+    await fitsWidth(page, name);
+    await shot(page, name);
+  }
+  await page.goto(`${base}/#/rules`);
+  await page.getByRole("button", { name: "Add a rule" }).click();
+  await judge(page, `dialog-${width}-${colorScheme}`);
+  await shot(page, `dialog-${width}-${colorScheme}`);
+  await context.close();
+}
+
+/// Presses Tab until what has the focus is named like this.
+async function tabTo(page, name) {
+  for (let nth = 0; nth < 120; nth += 1) {
+    await page.keyboard.press("Tab");
+    const focused = await page.evaluate(() => {
+      const { activeElement: at } = document;
+      return at.getAttribute("aria-label") || at.labels?.[0]?.firstChild?.textContent || at.textContent;
+    });
+    if (focused.trim() === name) return;
+  }
+  throw new Error(`Tab does not lead to “${name}”`);
+}
+
+/// By keyboard alone: log-in, the order of two rules, commit on trial, and to keep it. Somebody else sees it come.
+async function byKeyboard(browser, state) {
+  const others = await browser.newContext({ storageState: state });
+  const other = await open(others);
+  await other.goto(`${base}/#/rules`);
+  const context = await browser.newContext();
+  const page = await open(context);
+  await page.goto(base);
+  await page.getByLabel("User").waitFor();
+  await tabTo(page, "User");
+  await page.keyboard.type("anna");
+  await tabTo(page, "Password");
+  await page.keyboard.type("let me in");
+  await page.keyboard.press("Enter");
+  await page.getByRole("navigation").waitFor();
+  await tabTo(page, "Rules");
+  await page.keyboard.press("Enter");
+  await page.getByRole("button", { name: "Add a rule" }).waitFor();
+  await tabTo(page, "Add a rule");
+  await page.keyboard.press("Enter");
+  await tabTo(page, "Units");
+  await page.keyboard.press("Control+A");
+  await page.keyboard.type("9");
+  await tabTo(page, "Put into the changes");
+  await page.keyboard.press("Enter");
+  await page.getByRole("button", { name: "Move rule 2 up" }).waitFor();
+  await tabTo(page, "Move rule 2 up");
+  await page.keyboard.press("Enter");
+  await page.locator("tbody tr:first-child td:nth-child(3)", { hasText: /^9$/ }).waitFor();
+  await other.getByText("There are changes that are not in force yet.").waitFor();
+  expect("another page sees the changes", true);
+  await shot(page, "changes-1280");
+  await judge(page, "changes");
+  await tabTo(page, "Review and commit");
+  await page.keyboard.press("Enter");
+  await page.getByRole("dialog").waitFor();
+  await shot(page, "review-1280");
+  await judge(page, "review");
+  await tabTo(page, "Commit for 5 minutes on trial");
+  await page.keyboard.press("Enter");
+  await page.getByRole("timer").waitFor();
+  const left = await page.getByRole("timer").textContent();
+  expect(`the countdown is shown: ${left}`, /^[45]:\d\d$/.test(left));
+  await other.getByRole("timer").waitFor();
+  await shot(page, "trial-1280");
+  await judge(page, "trial");
+  await tabTo(page, "Keep the changes");
+  await page.keyboard.press("Enter");
+  await page.getByRole("timer").waitFor({ state: "detached" });
+  await page.locator("tbody tr:first-child td:nth-child(3)", { hasText: /^9$/ }).waitFor();
+  expect("the rules are in force in their new order", true);
+  await lostAndBack(page);
+  await context.close();
+  await others.close();
+}
+
+/// A gateway that does not respond: the page says so, and comes back.
+async function lostAndBack(page) {
+  process.kill(Number(pid), "SIGSTOP");
+  try {
+    await page.getByText("The gateway does not respond.").waitFor();
+    await shot(page, "lost-1280");
+  } finally {
+    process.kill(Number(pid), "SIGCONT");
+  }
+  await page.getByText("live", { exact: true }).waitFor();
+  expect("a lost connection is said, and comes back", true);
+}
+
+async function main() {
+  fs.mkdirSync(folder, { recursive: true });
+  const profile = fs.mkdtempSync(path.join(os.tmpdir(), "mobgate-browser-"));
+  const first = await chromium.launchPersistentContext(profile, { executablePath: "/usr/bin/chromium", args: ARGUMENTS, viewport: { width: 1440, height: 900 } });
+  let state;
+  try {
+    await setUp(first);
+    read();
+    await firstPicture(first);
+    state = await first.storageState();
+  } finally {
+    await first.close();
+    fs.rmSync(profile, { recursive: true, force: true });
+  }
+  const browser = await chromium.launch({ executablePath: "/usr/bin/chromium", args: ARGUMENTS });
+  try {
+    for (const width of [360, 1440]) for (const colours of ["light", "dark"]) await look(browser, state, width, colours);
+    await byKeyboard(browser, state);
+  } finally {
+    await browser.close();
+  }
+  figure("page_axe_violations", violations, "violations", 0);
+}
+
+main().catch((error) => faults.push(error.stack)).finally(() => {
+  faults.forEach((fault) => console.error(fault));
+  process.exitCode = faults.length ? 1 : 0;
+});

@@ -1,0 +1,87 @@
+//! A command without a terminal: what it writes, piece by piece, until it ends or is stopped.
+
+use core::net::IpAddr;
+
+use embassy_futures::select::{Either, select};
+
+use super::job::Job;
+use super::mode::Mode;
+use super::session::Session;
+use super::wait::{Wait, WaitEvent};
+use crate::gateway::Gateway;
+use crate::hal::System;
+use crate::language::{LineError, Words, Wrong};
+use crate::settings::{Name, PortId, Role};
+
+/// Why a command did not begin.
+#[derive(Debug)]
+pub(crate) enum NotBegun {
+    /// A word is wrong.
+    Line(LineError),
+    /// It is not possible now; [`Running::text`] has why.
+    Failed,
+}
+
+/// A command that runs for a user of a network.
+pub(crate) struct Running<'s, 'g> {
+    session: Session<'s, 'g>,
+    job: Job<'g>,
+    wait: Wait,
+}
+
+impl<'s, 'g> Running<'s, 'g> {
+    /// A user, who has come by `port`, without a command yet.
+    pub(crate) fn new(
+        gateway: &'s Gateway<'g>,
+        system: &'s dyn System,
+        (name, role): (&Name, Role),
+        peer: IpAddr,
+        port: PortId,
+    ) -> Self {
+        let mode = Mode::User { name, peer, port, edits: false };
+        let mut session = Session::new(gateway, system, mode);
+        session.role = role;
+        Self { session, job: Job::Idle, wait: Wait::End }
+    }
+
+    /// Begins the command of a line.
+    pub(crate) fn begin(&mut self, line: &str) -> Result<(), NotBegun> {
+        let words = Words::new(line);
+        let begun = self.session.begin(&words, &mut self.job);
+        self.wait = begun.map_err(|Wrong| NotBegun::Line(words.wrong()))?;
+        if self.session.failed { Err(NotBegun::Failed) } else { Ok(()) }
+    }
+
+    /// What it has written since [`next`](Self::next) was called.
+    pub(crate) fn text(&self) -> &str {
+        &self.session.out.text
+    }
+
+    /// Whether it has failed.
+    pub(crate) fn has_failed(&self) -> bool {
+        self.session.failed
+    }
+
+    /// Goes on until it has written something; `false`: it has ended. `stop` stops it, as a key does at a terminal.
+    pub(crate) async fn next(&mut self, stop: impl AsyncFn()) -> bool {
+        self.session.out.clear();
+        while self.session.out.text.is_empty() {
+            let wait = self.wait;
+            let came = match wait {
+                Wait::Sent => WaitEvent::Nothing,
+                Wait::Pause(_) | Wait::Rest(_) | Wait::Answer { .. } | Wait::Open { .. } => {
+                    let stopped =
+                        async { if wait.listens() { stop().await } else { core::future::pending().await } };
+                    match select(self.session.wait(wait), stopped).await {
+                        Either::First(came) => came,
+                        Either::Second(()) => WaitEvent::Typed(1),
+                    }
+                }
+                // Nobody types, and nothing else waits among the commands that are run this way.
+                _ => return false,
+            };
+            self.wait = self.job.step(&mut self.session, came);
+        }
+        true
+    }
+}

@@ -1,0 +1,75 @@
+// The candidate: lines that change it, how it differs, and how it comes into force.
+
+import { attempt, call, get, post } from "./api.js";
+import { ask, button, h } from "./dom.js";
+import { app, may, redraw, tell } from "./state.js";
+import { T } from "./texts.js";
+
+/// Seconds within which a commit on trial must be confirmed.
+const TRIAL = 300;
+
+/// Changes the candidate by lines, and tells about likely mistakes.
+export async function change(lines, replaces) {
+  return attempt(async () => {
+    const answer = await call(replaces ? "PUT" : "POST", "settings/candidate", lines.join("\n"));
+    const { warnings } = await answer.json();
+    if (warnings.length) tell(warnings.map((warning) => warning.message).join("; "), "warn");
+    else tell(T.candidate.changed);
+    if (app.status && app.status.candidate === "none") app.status.candidate = "open";
+    app.changed?.();
+  });
+}
+
+/// Puts lines in force and saves them at once, where nobody has a candidate.
+export async function applyAll(lines) {
+  await call("POST", "settings/candidate", lines.join("\n"));
+  try {
+    await post("settings/commit", {});
+  } catch (error) {
+    await call("DELETE", "settings/candidate");
+    throw error;
+  }
+}
+
+async function review() {
+  let diff;
+  if (!(await attempt(async () => { diff = await get("settings/diff"); }))) return;
+  const chosen = await ask(T.candidate.review, (done) => [
+    diff.lines.length
+      ? h("pre", { class: "diff", tabindex: 0, "aria-label": T.candidate.review }, diff.lines.map((line) =>
+        h("span", { class: line.startsWith("+") ? "added" : "removed" }, `${line}\n`)))
+      : h("p", null, T.candidate.same),
+    h("p", { class: "quiet" }, diff.restarts.length ? `${T.candidate.restarts} ${diff.restarts.join(", ")}` : T.candidate.noRestarts),
+    h("p", { class: "actions" },
+      button(T.candidate.trial, () => done({ confirmed: TRIAL }), { class: "main" }),
+      button(T.candidate.commit, () => done({})),
+      button(T.cancel, () => done())),
+  ]);
+  if (chosen) await attempt(() => post("settings/commit", chosen), chosen.confirmed ? T.candidate.onTrial : T.candidate.saved);
+  app.changed?.();
+}
+
+const settle = (work, text) => async () => {
+  if (await attempt(work, text) && app.status) app.status.candidate = "none";
+  app.changed?.();
+  redraw();
+};
+
+/// The bar above all views, while there is a candidate or a commit on trial.
+export function candidateBar() {
+  const { candidate, remaining_s: left } = app.status;
+  if (candidate === "none") return null;
+  if (candidate === "waiting") {
+    const time = `${Math.floor(left / 60)}:${String(left % 60).padStart(2, "0")}`;
+    return h("section", { class: "bar warn", "aria-label": T.candidate.title },
+      h("p", null, T.candidate.waiting, " ", h("strong", { role: "timer", class: "count" }, time)),
+      may("engineer") && h("p", { class: "actions" },
+        button(T.candidate.keep, settle(() => post("settings/confirm"), T.candidate.saved), { class: "main" }),
+        button(T.candidate.back, settle(() => post("settings/rollback"), T.candidate.wentBack))));
+  }
+  return h("section", { class: "bar", "aria-label": T.candidate.title },
+    h("p", null, T.candidate.open),
+    may("engineer") && h("p", { class: "actions" },
+      button(T.candidate.reviewButton, review, { class: "main" }),
+      button(T.candidate.discard, settle(() => call("DELETE", "settings/candidate"), T.candidate.discarded))));
+}

@@ -1,0 +1,225 @@
+//! The console by SSH, with OpenSSH's client and with one that sends packets as no other does.
+
+use std::fs;
+use std::io::{BufRead, BufReader, Read, Write};
+use std::path::{Path, PathBuf};
+use std::process::{ChildStdout, Command, Output, Stdio};
+use std::sync::Barrier;
+use std::thread;
+
+use mobgate_qemu::{Image, Machine, Options, wait_for};
+use mobgate_simulator::random::{Random, chosen};
+
+use crate::payload;
+use crate::raw::{Client, KEY, Stage};
+
+/// What ssh(1) returns if it got no session.
+const NO_SESSION: i32 = 255;
+/// Sessions at a time.
+const SESSIONS: usize = 8;
+/// The board with an SSH server, and what its users have.
+struct Bench {
+    // Ended before its folder goes.
+    machine: Machine,
+    folder: tempfile::TempDir,
+}
+
+/// A key of this name in `folder`; returns its public part as OpenSSH writes it.
+fn make_key(folder: &Path, name: &str) -> String {
+    let file = folder.join(name);
+    let made = Command::new("ssh-keygen")
+        .args(["-q", "-N", "", "-C", "", "-t", "ed25519", "-f"])
+        .arg(&file)
+        .status();
+    assert!(made.unwrap().success());
+    fs::read_to_string(file.with_extension("pub")).unwrap().trim().to_owned()
+}
+
+fn start(folder: &Path) -> Machine {
+    Machine::start(folder, Options { image: Image::Ssh, ..Options::default() })
+}
+
+impl Bench {
+    /// With the engineer `anna` and the viewer `vera`, who have the key `good`.
+    fn new() -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let [good, _] = ["good", "wrong"].map(|name| make_key(folder.path(), name));
+        let bench = Self { machine: start(folder.path()), folder };
+        let mut console = bench.machine.console();
+        for line in [
+            "user anna role engineer",
+            &format!("user anna key {good}"),
+            "user vera role viewer",
+            &format!("user vera key {good}"),
+            &format!("user vera key {KEY}"),
+            "port P502 tcp server 502 clients 4",
+            "port ssh ssh server 22 clients 8",
+        ] {
+            assert_eq!(console.run(line), "", "{line}");
+        }
+        assert_eq!(console.run("save").trim_end(), "saved");
+        bench.machine.logs("listening on TCP port 22");
+        bench
+    }
+
+    fn file(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    /// ssh(1) with `options` as `user`, who has the key of this name. The host key that it sees first is the right one.
+    fn ssh(&self, options: &[&str], user: &str, key: &str) -> Command {
+        let mut command = Command::new("ssh");
+        command.args(["-F", "none", "-p", &self.machine.ssh_port().to_string(), "-i"]).arg(self.file(key));
+        let known = format!("UserKnownHostsFile={}", self.file("known").display());
+        // The port is another after each start.
+        let fixed = ["HostKeyAlias=board", "StrictHostKeyChecking=accept-new", &known, "LogLevel=ERROR"];
+        for option in fixed.iter().chain(&["IdentitiesOnly=yes", "BatchMode=yes"]) {
+            command.args(["-o", option]);
+        }
+        command.args(options).arg(format!("{user}@127.0.0.1")).stdin(Stdio::null());
+        command
+    }
+
+    /// Runs `line` as `user` with the key `good`; gives what was printed, and the exit status.
+    fn run(&self, user: &str, line: &str) -> (String, i32) {
+        run(self.ssh(&[], user, "good").arg(line))
+    }
+}
+
+fn run(command: &mut Command) -> (String, i32) {
+    let Output { status, stdout, stderr } = command.output().unwrap();
+    let said = String::from_utf8_lossy(&stdout) + String::from_utf8_lossy(&stderr);
+    (said.into_owned(), status.code().unwrap())
+}
+
+/// What comes up to `end`.
+fn read_until(from: &mut ChildStdout, end: &str) -> String {
+    let (mut said, mut byte) = (String::new(), [0]);
+    while !said.ends_with(end) {
+        assert!(from.read_exact(&mut byte).is_ok(), "no {end:?} in {said:?}");
+        said.push(char::from(byte[0]));
+    }
+    said
+}
+
+#[test]
+fn a_line_runs_by_key_and_a_wrong_key_opens_nothing() {
+    let mut bench = Bench::new();
+    let (said, status) = bench.run("anna", "show ports");
+    assert!(said.contains("ssh server   22") && status == 0, "{status}: {said}");
+    bench.machine.logs("logged in as engineer, by key");
+    let (said, status) = bench.run("anna", "show prots");
+    assert!(said.contains("did you mean ports?") && status == 1, "{status}: {said}");
+    let (said, status) = bench.run("vera", "delete user anna");
+    assert!(said.contains("needs the role engineer; yours is viewer") && status == 1, "{status}: {said}");
+    let (said, status) = run(bench.ssh(&[], "anna", "wrong").arg("show ports"));
+    // There are keys only.
+    assert!(said.contains("Permission denied (publickey)") && status == NO_SESSION, "{status}: {said}");
+    bench.machine.logs("a wrong key for anna");
+    let (said, status) = bench.run("anna", "update");
+    assert!(said.contains("QEMU starts the image that it is given") && status == 1, "{status}: {said}");
+    // The host key is the same after a restart: the client would not accept another.
+    bench.machine.kill();
+    bench.machine = start(bench.folder.path());
+    bench.machine.logs("listening on TCP port 22");
+    let (said, status) = bench.run("anna", "show version");
+    assert!(said.contains("on QEMU mps2-an386") && status == 0, "{status}: {said}");
+}
+
+#[test]
+fn a_file_that_is_piped_in_is_carried_out_and_its_end_is_that_of_the_session() {
+    let bench = Bench::new();
+    let piped = |text: &str| {
+        let mut command = bench.ssh(&[], "anna", "good");
+        let mut child = command.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
+        let (mut to, text) = (child.stdin.take().unwrap(), text.to_owned());
+        let typing = thread::spawn(move || to.write_all(text.as_bytes()));
+        let Output { status, stdout, .. } = child.wait_with_output().unwrap();
+        let _ = typing.join();
+        (String::from_utf8(stdout).unwrap(), status.code().unwrap())
+    };
+    // The last line lacks its end.
+    let lines = "route P502 248 * =3 P1\n".to_owned()
+        + &"route P502 249 * =3 P1\ndelete route 5\n".repeat(50)
+        + "save";
+    assert_eq!(piped(&lines), ("saved\n".to_owned(), 0));
+    assert!(bench.machine.console().run("show routes").contains("248"));
+    let (said, status) = piped("show version\nport P8 serial\nshow version\n");
+    assert!(said.contains("error: line 2") && said.matches("mobgate 0.").count() == 2, "{said}");
+    assert_eq!(status, 1);
+}
+
+#[test]
+fn a_session_at_a_terminal_edits_and_may_be_left() {
+    let bench = Bench::new();
+    let mut command = bench.ssh(&["-tt"], "anna", "good");
+    let mut child = command.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
+    let (mut to, mut from) = (child.stdin.take().unwrap(), child.stdout.take().unwrap());
+    read_until(&mut from, "mobgate> ");
+    // Left arrow, a letter put in, and Tab.
+    to.write_all(b"show vrs\x1b[D\x1b[De\x1b[C\x1b[C\t\r").unwrap();
+    read_until(&mut from, "on QEMU mps2-an386");
+    to.write_all(b"nonsense\r").unwrap();
+    read_until(&mut from, "error: ");
+    to.write_all(b"exit\r").unwrap();
+    assert_eq!(child.wait().unwrap().code(), Some(0), "the user has seen which lines failed");
+}
+
+#[test]
+fn eight_sessions_run_at_once() {
+    let bench = Bench::new();
+    let (together, bench) = (Barrier::new(SESSIONS), &bench);
+    thread::scope(|scope| {
+        for nth in 0..SESSIONS {
+            let together = &together;
+            scope.spawn(move || {
+                let mut command = bench.ssh(&[], "anna", "good");
+                let mut child = command.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
+                let (mut to, from) = (child.stdin.take().unwrap(), child.stdout.take().unwrap());
+                to.write_all(b"show version\n").unwrap();
+                let (mut from, mut line) = (BufReader::new(from), String::new());
+                from.read_line(&mut line).unwrap();
+                assert!(line.starts_with("mobgate 0."), "session {nth}: {line:?}");
+                // All are in.
+                together.wait();
+                to.write_all(b"show users\n").unwrap();
+                drop(to);
+                let said = std::io::read_to_string(from).unwrap();
+                assert!(said.contains("vera"), "session {nth}: {said:?}");
+                assert_eq!(child.wait().unwrap().code(), Some(0), "session {nth}");
+            });
+        }
+    });
+}
+
+#[test]
+fn random_packets_at_each_stage_do_no_harm() {
+    let seed = chosen("MOBGATE_SEED").unwrap_or_else(|| u64::from(std::process::id()));
+    println!("random packets: MOBGATE_SEED={seed}");
+    let (mut random, bench) = (Random::new(seed), Bench::new());
+    // All come from one address, whose pauses a success ends.
+    let good = |after: &str| {
+        wait_for(&format!("a session after {after}, MOBGATE_SEED={seed}"), || {
+            let client = Client::connect(bench.machine.ssh_port(), 1).ok()?.with_key();
+            client
+                .reach(Stage::Session)
+                .ok()?
+                .run("show version")
+                .ok()
+                .filter(|said| said.contains("mobgate 0."))
+        });
+    };
+    good("the start");
+    let free = bench.machine.figures().sockets_free();
+    for stage in [Stage::Begin, Stage::Exchange, Stage::Keys, Stage::Service, Stage::Session, Stage::LogIn] {
+        let connect = || Client::connect(bench.machine.ssh_port(), 1).map(Client::with_key);
+        let (sent, connections) = payload::send(&mut random, stage, connect);
+        println!("{stage:?}: {sent} packets by {connections} connections");
+        good(&format!("{stage:?}"));
+    }
+    // A panic would have ended the emulator, and a session that stays would keep its socket.
+    wait_for("the ends of all connections", || {
+        (bench.machine.figures().sockets_free() >= free).then_some(())
+    });
+    println!("the stack has held {} bytes", bench.machine.figures().stack_bytes());
+}

@@ -54,7 +54,7 @@
 //! | limit | value | why |
 //! | --- | --- | --- |
 //! | [`settings::PORTS_MAX`] | 16, small: 8 | the lines and listeners of a cabinet |
-//! | [`settings::DEVICE_BYTES_MAX`] | 255, without `paths`: 15 | a file name: those under `/dev/serial/by-id` exceed 100 bytes |
+//! | `settings::DEVICE_BYTES_MAX` | 255, without `paths`: 15 | a file name: those under `/dev/serial/by-id` exceed 100 bytes |
 //! | [`settings::LINE_BYTES_MAX`] | 800, without `paths`: 640 | the longest line that settings print |
 //! | [`settings::ROUTES_MAX`] | 64 | rules are tried in order, for each request |
 //! | [`port::client::queue::WAITING_MAX`] | 64, small: 24 | requests waiting at a port; one more gets 06h |
@@ -63,16 +63,16 @@
 //! | [`gateway::unit_health::ALL_UNITS_MAX`] | 256, small: 48 | units of all ports together: few ports use their maximum |
 //! | [`stats::LOG_ENTRIES_MAX`] | 64 | transactions in `show log` |
 //! | [`port::client::pending::PENDING_MAX`] | 16 | requests in flight on one connection to a server, the specification's maximum |
-//! | [`settings::PORT_SERVERS_MAX`], [`settings::SERVERS_MAX`] | 64 and 128, small: 8 and 16 | servers of one TCP client, and of all: what one scanner can poll in time |
+//! | `settings::PORT_SERVERS_MAX`, `settings::SERVERS_MAX` | 64 and 128, small: 8 and 16 | servers of one TCP client, and of all: what one scanner can poll in time |
 //! | [`settings::SOCKETS_MAX`] | 16, small: 2 | simultaneous connections of one port; each takes a future's memory |
-//! | [`settings::SERVER_NAME_BYTES_MAX`] | 63, small: 31 | a server's name, stored with each server line |
-//! | [`settings::UDP_REQUESTS_MAX`] | 32 | requests open at one UDP server; one more gets 06h |
+//! | `settings::SERVER_NAME_BYTES_MAX` | 63, small: 31 | a server's name, stored with each server line |
+//! | `settings::UDP_REQUESTS_MAX` | 32 | requests open at one UDP server; one more gets 06h |
 //! | [`scanner::DEVICES_MAX`] | 32 | devices that a scanner polls: the loads of an RS-485 segment |
-//! | [`settings::SLAVES_MAX`] | 32 | devices behind the EtherCAT process image: all that a scanner polls |
+//! | `settings::SLAVES_MAX` | 32 | devices behind the EtherCAT process image: all that a scanner polls |
 //! | [`fieldbus::Room::MOST`], [`fieldbus::Room::LONG`] | 512; with `long-images` 1486 in and 1500 out | bytes of the process image each way: with three buffers of each, what a controller of 4 KiB holds, and one of 10 |
 //! | [`scanner::ROWS_MAX`] | 136 | the four tables of each device, and some ranges that take two frames |
 //! | [`scanner::VALUE_BYTES_MAX`] | 4096, without `long-images` 2048 | values of all rows: the longest image each way, and as much again as 1 KiB |
-//! | [`settings::POINTS_MAX`] | 128, small: 64 | data points in the settings and in the draft shared by all consoles |
+//! | `settings::POINTS_MAX` | 128, small: 64 | data points in the settings and in the draft shared by all consoles |
 //! | [`capture::FRAMES_MAX`], [`capture::BYTES_MAX`] | 64, 2048, small: half | frames in `show frames` |
 //! | frames, TCP connections | the board's | memory; a connection always has one frame reserved |
 #![no_std]

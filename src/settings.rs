@@ -31,19 +31,14 @@ pub(crate) use self::ethercat::INTERFACE_BYTES_MAX;
 pub use self::ethercat::{EthercatSettings, InterfaceName, OnLoss};
 pub use self::functions::Functions;
 pub use self::lane::Lane;
-pub(crate) use self::limits::PATHS;
-pub use self::limits::{
-    DEVICE_BYTES_MAX, LINE_BYTES_MAX, NAME_BYTES_MAX, Name, PORTS_MAX, PortId, RESERVED_MAX, ROUTES_MAX,
-};
+pub(crate) use self::limits::{DEVICE_BYTES_MAX, PATHS, RESERVED_MAX};
+pub use self::limits::{LINE_BYTES_MAX, NAME_BYTES_MAX, Name, PORTS_MAX, PortId, ROUTES_MAX};
 pub use self::mdns::Mdns;
-pub use self::network::{
-    MODBUS_TCP_PORT, StreamFraming, TcpClientSettings, TcpListen, TcpServerSettings, UDP_REQUESTS_MAX,
-    UdpServerSettings,
-};
+pub(crate) use self::network::{MODBUS_TCP_PORT, UDP_REQUESTS_MAX};
+pub use self::network::{StreamFraming, TcpClientSettings, TcpListen, TcpServerSettings, UdpServerSettings};
 pub use self::own_network::{HOST_NAME_BYTES_MAX, HostName, OwnNetwork, StaticAddress};
-pub use self::points::{
-    DeviceSettings, LABEL_BYTES_MAX, Label, POINTS_MAX, PointAt, PointName, PointSettings,
-};
+pub use self::points::{DeviceSettings, Label, PointAt, PointName, PointSettings};
+pub(crate) use self::points::{LABEL_BYTES_MAX, POINTS_MAX};
 pub use self::policy::{AddressRange, Cut, Forbidden, Merge, Policy, Priority, Sharing};
 pub use self::port::{Port, PortKind, Special, UnitPolicy};
 pub(crate) use self::proof::PROOFS_MAX;
@@ -53,14 +48,11 @@ pub use self::rules::Rules;
 pub use self::serial::{
     Driver, Framing, LineSettings, Parity, SerialClientSettings, SerialServerSettings, SerialSettings,
 };
-pub(crate) use self::servers::SERVERS;
-pub use self::servers::{
-    Host, PORT_SERVERS_MAX, SERVER_NAME_BYTES_MAX, SERVERS_MAX, SOCKETS_MAX, ServerAddress, ServerName,
-    ServerSettings,
-};
+pub use self::servers::{Host, SOCKETS_MAX, ServerAddress, ServerName, ServerSettings};
+pub(crate) use self::servers::{PORT_SERVERS_MAX, SERVERS, SERVERS_MAX};
 pub use self::side::Side;
-pub(crate) use self::slaves::POLLING_MS;
-pub use self::slaves::{Cells, OnSilence, SLAVES_MAX, SlaveSettings};
+pub use self::slaves::{Cells, OnSilence, SlaveSettings};
+pub(crate) use self::slaves::{POLLING_MS, SLAVES_MAX};
 pub(crate) use self::syslog::{AUDIT, NtpServers, Syslogs};
 pub use self::syslog::{Syslog, Transport};
 pub use self::time::Time;

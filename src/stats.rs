@@ -254,7 +254,7 @@ impl Counters {
     }
 
     /// The average of `event` per minute since the counters were cleared.
-    pub fn per_minute(&self, event: Event, now: Instant) -> u32 {
+    pub(crate) fn per_minute(&self, event: Event, now: Instant) -> u32 {
         let seconds = now.as_secs().saturating_sub(self.since_s.load(Ordering::Relaxed).into()).max(1);
         u32::try_from(u64::from(self.get(event)) * 60 / seconds).unwrap_or(u32::MAX)
     }

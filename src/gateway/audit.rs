@@ -215,7 +215,7 @@ impl Gateway<'_> {
 /// For one task, which forwards the trail to a syslog server. The rings are its queue.
 impl Gateway<'_> {
     /// Waits for the next line to send, and returns it with the number of lines before it that were pushed out meanwhile.
-    pub async fn unsent_audit(&self) -> (AuditLine, u32) {
+    pub(crate) async fn unsent_audit(&self) -> (AuditLine, u32) {
         let Some(audit) = self.audit.first() else { return pending().await };
         loop {
             let sent = self.forwarding().sent;
@@ -241,7 +241,7 @@ impl Gateway<'_> {
     }
 
     /// Calls `change` with how forwarding does.
-    pub fn change_forwarding(&self, change: impl FnOnce(&mut Forwarding)) {
+    pub(crate) fn change_forwarding(&self, change: impl FnOnce(&mut Forwarding)) {
         if let Some(audit) = self.audit.first() {
             let sent = audit.forwarding.lock(|forwarding| {
                 let mut forwarding = forwarding.borrow_mut();
@@ -253,7 +253,7 @@ impl Gateway<'_> {
     }
 
     /// Waits until the settings name another syslog server, or none.
-    pub async fn new_syslog(&self) {
+    pub(crate) async fn new_syslog(&self) {
         match self.audit.first() {
             Some(audit) => audit.server_changed.wait().await,
             None => pending().await,

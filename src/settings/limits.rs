@@ -13,12 +13,12 @@ pub const NAME_BYTES_MAX: usize = 15;
 
 /// Longest device name in bytes: with the feature `paths` that of a file, since names under `/dev/serial/by-id` exceed 100 bytes.
 /// Boards have short UART names.
-pub const DEVICE_BYTES_MAX: usize = if PATHS { 255 } else { 15 };
+pub(crate) const DEVICE_BYTES_MAX: usize = if PATHS { 255 } else { 15 };
 
 pub(crate) const PATHS: bool = cfg!(feature = "paths");
 
 /// Address prefixes in one list.
-pub const RESERVED_MAX: usize = 4;
+pub(crate) const RESERVED_MAX: usize = 4;
 
 /// Longest line of the configuration language in bytes. Printed lines are shorter, so they can be read back.
 pub const LINE_BYTES_MAX: usize = if PATHS { 800 } else { 640 };

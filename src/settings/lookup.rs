@@ -17,7 +17,7 @@ impl Settings {
     }
 
     /// The line whose speed and format the MainDevice sets, if it exists.
-    pub fn ethercat_line(&self) -> Option<PortId> {
+    pub(crate) fn ethercat_line(&self) -> Option<PortId> {
         let id = self.find(self.ethercat()?.line.as_ref()?)?;
         let is_rtu_client = matches!(
             self.port(id)?.kind,
@@ -35,7 +35,7 @@ impl Settings {
     }
 
     /// The server lines of the port at `id`, each with its index among all server lines.
-    pub fn servers_of(&self, id: PortId) -> impl Iterator<Item = (usize, &ServerSettings)> + Clone {
+    pub(crate) fn servers_of(&self, id: PortId) -> impl Iterator<Item = (usize, &ServerSettings)> + Clone {
         // The compiler drops the code if there are no server lines.
         let all: &[ServerSettings] = if SERVERS { &self.servers } else { &[] };
         all.iter().enumerate().filter(move |(_, server)| server.port == id)

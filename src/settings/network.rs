@@ -11,7 +11,7 @@ use crate::settings::TlsSettings;
 use crate::settings::{Allowed, Prefixes, Proofs, SOCKETS_MAX, SSH, ServerAddress};
 
 /// TCP port number of Modbus (Messaging on TCP/IP 4.3.1.1).
-pub const MODBUS_TCP_PORT: u16 = 502;
+pub(crate) const MODBUS_TCP_PORT: u16 = 502;
 
 /// Where a TCP or UDP server listens.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -45,7 +45,7 @@ pub enum StreamFraming {
 }
 
 /// Requests in flight at one UDP server.
-pub const UDP_REQUESTS_MAX: usize = 32;
+pub(crate) const UDP_REQUESTS_MAX: usize = 32;
 
 /// Default number of clients of a TCP server: the board's number of connections.
 pub(super) const CLIENTS_DEFAULT: u16 = if cfg!(feature = "eight-clients") { 8 } else { 16 };
@@ -130,7 +130,7 @@ pub struct UdpServerSettings {
     pub listen: TcpListen,
     /// Requests in flight per peer, 1 to 16; one more gets 06h.
     pub pipeline: u8,
-    /// Requests in flight of all peers, 1 to [`UDP_REQUESTS_MAX`]; one more gets 06h.
+    /// Requests in flight of all peers, 1 to `UDP_REQUESTS_MAX`; one more gets 06h.
     pub requests: u8,
     /// A request not sent within this time is dropped, and answered 0Bh.
     pub lifetime: Duration,

@@ -8,12 +8,12 @@ use crate::scanner::{
 use crate::settings::NAME_BYTES_MAX;
 
 /// Points in the settings.
-pub const POINTS_MAX: usize = if POINTS { POINTS_MOST } else { 0 };
+pub(crate) const POINTS_MAX: usize = if POINTS { POINTS_MOST } else { 0 };
 
 const POINTS_MOST: usize = if cfg!(feature = "small") { 64 } else { 128 };
 
 /// Longest label of a device or a point in bytes.
-pub const LABEL_BYTES_MAX: usize = 23;
+pub(crate) const LABEL_BYTES_MAX: usize = 23;
 
 const _: () = assert!(POINTS_MOST <= ROWS_MAX);
 

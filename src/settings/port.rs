@@ -107,12 +107,12 @@ impl PortKind {
     }
 
     /// Whether the port sends its own requests instead of an outside client's.
-    pub const fn asks_by_itself(&self) -> bool {
+    pub(crate) const fn asks_by_itself(&self) -> bool {
         matches!(self, Self::Scanner | Self::Ethercat(_))
     }
 
     /// Whether clients of this port have an IP address.
-    pub const fn has_peers(&self) -> bool {
+    pub(crate) const fn has_peers(&self) -> bool {
         !matches!(self, Self::Serial(_) | Self::Scanner | Self::Ethercat(_))
     }
 

@@ -108,7 +108,7 @@ impl LineSettings {
     };
 
     /// Bits of one character: start, data, parity, stop.
-    pub const fn bits_per_char(&self) -> u32 {
+    pub(crate) const fn bits_per_char(&self) -> u32 {
         1 + self.data_bits as u32 + !matches!(self.parity, Parity::None) as u32 + self.stop_bits as u32
     }
 

@@ -12,14 +12,14 @@ use crate::settings::{Endpoint, PortId, Tag, UnitRange};
 pub(crate) const SERVERS: bool = cfg!(feature = "servers");
 
 /// Server lines of all ports together.
-pub const SERVERS_MAX: usize = match (SERVERS, cfg!(feature = "small")) {
+pub(crate) const SERVERS_MAX: usize = match (SERVERS, cfg!(feature = "small")) {
     (false, _) => 0,
     (true, true) => 16,
     (true, false) => 128,
 };
 
 /// Servers of one port.
-pub const PORT_SERVERS_MAX: usize = match (SERVERS, cfg!(feature = "small")) {
+pub(crate) const PORT_SERVERS_MAX: usize = match (SERVERS, cfg!(feature = "small")) {
     (false, _) => 1,
     (true, true) => 8,
     (true, false) => 64,
@@ -33,7 +33,7 @@ pub const SOCKETS_MAX: usize = match (SERVERS, cfg!(feature = "small")) {
 };
 
 /// Longest name of a server in bytes; with the feature `small` shorter than a DNS label may be.
-pub const SERVER_NAME_BYTES_MAX: usize = if cfg!(feature = "small") { 31 } else { 63 };
+pub(crate) const SERVER_NAME_BYTES_MAX: usize = if cfg!(feature = "small") { 31 } else { 63 };
 
 /// A server's name, resolved by DNS.
 pub type ServerName = String<SERVER_NAME_BYTES_MAX, u8>;

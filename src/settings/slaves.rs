@@ -3,7 +3,7 @@
 use crate::scanner::{ByteOrder, Form, Kind, POINTS, ValueType};
 
 /// Most devices behind the process image.
-pub const SLAVES_MAX: usize = if POINTS { 32 } else { 0 };
+pub(crate) const SLAVES_MAX: usize = if POINTS { 32 } else { 0 };
 
 /// Default polling period of a device.
 pub(crate) const POLLING_MS: u32 = 1_000;
@@ -32,7 +32,7 @@ pub enum OnSilence {
 
 impl OnSilence {
     /// The resulting state of the inputs, after a comma.
-    pub const fn of_inputs(self) -> &'static str {
+    pub(crate) const fn of_inputs(self) -> &'static str {
         match self {
             Self::Hold => ", inputs held",
             Self::Clear => ", inputs cleared",

@@ -124,7 +124,7 @@ impl Settings {
     }
 
     /// The TCP server at `id`, if the port is one.
-    pub fn tcp_server(&self, id: PortId) -> Option<&TcpServerSettings> {
+    pub(crate) fn tcp_server(&self, id: PortId) -> Option<&TcpServerSettings> {
         match &self.port(id)?.kind {
             PortKind::TcpServer(settings) => Some(settings),
             _ => None,

@@ -127,12 +127,11 @@ pub(crate) fn host_time() -> usize {
 
 /// Random numbers of the host: an emulated board has none of its own.
 pub(crate) fn random(into: &mut [u8]) -> Result<(), HostError> {
-    let source = File::open_as("/dev/urandom", "", nr::open::R_BINARY)?;
-    // SAFETY: as in `open_as`. Both calls return 0 on success.
-    let missing = unsafe { syscall!(READ, source.0, into.as_mut_ptr(), into.len()) };
-    // SAFETY: likewise.
+    let mut source = File::open_as("/dev/urandom", "", nr::open::R_BINARY)?;
+    let read = source.read_next(into);
+    // SAFETY: the file is open, and nobody uses it afterwards.
     unsafe { syscall!(CLOSE, source.0) };
-    if missing == 0 { Ok(()) } else { Err(HostError) }
+    read
 }
 
 /// Exits the emulator with a non-zero status.

@@ -149,7 +149,13 @@ async fn port(index: usize, lines: Lines<PioLine>, network: Network) -> ! {
 }
 
 #[embassy_executor::task]
-async fn serve(mut board: Board, mut port: Console, flash: ChipFlash, info: &'static Info, forget: bool) -> ! {
+async fn serve(
+    mut board: Board,
+    mut port: Console,
+    flash: ChipFlash,
+    info: &'static Info,
+    forget: bool,
+) -> ! {
     let flash = SharedFlash::new(flash);
     let firmware = Mutex::new(updater(&flash, *info));
     terminal::run(&mut board, &mut port, settings(&flash), 0, &firmware, forget).await

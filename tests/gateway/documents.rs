@@ -29,7 +29,8 @@ fn settings_of_boards_are_good() {
     for Block { place, with, lines, .. } in blocks(root(), "settings board") {
         let settings = [with, lines].concat().join("\n");
         println!("{place}");
-        rig::with_gateway(1, &settings, |_, _| ());
+        let size = Size { owns_network: true, ..Size::default() };
+        rig::with_gateway_of(size, 1, &settings, |_, _| ());
     }
 }
 

@@ -129,7 +129,7 @@ fn explain_takes_the_role_of_a_clients_certificate() {
     let typing = "explain secure 1 6 role operator\nexplain secure 1 6 role viewer\nexplain secure 1 6\n\
                   explain secure 2 6 role operator\n";
     let printed = rig::with_gateway(1, lines, |world, rig| world.run_until(typed(rig.gateway, typing)));
-    let denied = "no rule is for its role: refused, 01 illegal function";
+    let denied = "no rule is for its role: refused, illegal function (01h)";
     let expected = ["rule 1: to bus as unit 1", denied, denied, "no rule is for it"];
     assert_eq!(printed.lines().count(), expected.len(), "{printed}");
     for (line, expected) in printed.lines().zip(expected) {

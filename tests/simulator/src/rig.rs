@@ -45,6 +45,8 @@ pub struct Size {
     pub opening: Duration,
     /// Makes its EtherCAT side.
     pub ethercat: fn() -> EthercatState,
+    /// Whether its settings have the network's, as on a board.
+    pub owns_network: bool,
 }
 
 impl Default for Size {
@@ -52,7 +54,8 @@ impl Default for Size {
     fn default() -> Self {
         let [late_reads, rests, opening] = [Duration::from_ticks(0); 3];
         let ethercat = EthercatState::new;
-        Self { frames: 128, connections: 80, late_reads, rests, gathers: false, opening, ethercat }
+        let (frames, connections, gathers, owns_network) = (128, 80, false, false);
+        Self { frames, connections, late_reads, rests, gathers, opening, ethercat, owns_network }
     }
 }
 
@@ -114,7 +117,8 @@ pub fn with_gateway_on<T>(
     let build = || {
         let gateway = Gateway::new(&pool, &places, &connections).with_candidate(&candidate);
         let gateway = gateway.with_audit(&audit);
-        Box::new(gateway.with_scanner(&scanner).with_capture(&capture).with_ethercat(&ethercat))
+        let gateway = gateway.with_scanner(&scanner).with_capture(&capture).with_ethercat(&ethercat);
+        Box::new(if size.owns_network { gateway.with_own_network() } else { gateway })
     };
     let gateway = build();
     let mut world = World::on(clock, seed);

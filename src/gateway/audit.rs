@@ -16,7 +16,6 @@ mod topic;
 mod trail;
 
 use core::fmt::{self, Write};
-use core::future::pending;
 use core::net::IpAddr;
 
 use embassy_futures::select::select;
@@ -195,6 +194,7 @@ impl Gateway<'_> {
     }
 
     /// The number of the last line of earlier runs; 0 if there is none.
+    #[cfg(feature = "audit")] // As the command that asks.
     pub(crate) fn earlier_audit(&self) -> u32 {
         self.trail(|trail, _| trail.earlier()).unwrap_or(0)
     }
@@ -215,8 +215,9 @@ impl Gateway<'_> {
 /// For one task, which forwards the trail to a syslog server. The rings are its queue.
 impl Gateway<'_> {
     /// Waits for the next line to send, and returns it with the number of lines before it that were pushed out meanwhile.
+    #[cfg(feature = "audit")] // As the task that sends; also below.
     pub(crate) async fn unsent_audit(&self) -> (AuditLine, u32) {
-        let Some(audit) = self.audit.first() else { return pending().await };
+        let Some(audit) = self.audit.first() else { return core::future::pending().await };
         loop {
             let sent = self.forwarding().sent;
             let next = |rings: &Rings| Some(rings.line(rings.entries().find(|entry| entry.number > sent)?));
@@ -253,10 +254,11 @@ impl Gateway<'_> {
     }
 
     /// Waits until the settings name another syslog server, or none.
+    #[cfg(feature = "audit")]
     pub(crate) async fn new_syslog(&self) {
         match self.audit.first() {
             Some(audit) => audit.server_changed.wait().await,
-            None => pending().await,
+            None => core::future::pending().await,
         }
     }
 }

@@ -17,8 +17,7 @@ use super::words::{Word, Words, Wrong};
 use super::{mdns, own_network, point_checks, point_words, port_kinds, route_words, servers, slaves, users};
 use crate::scanner::POINTS;
 use crate::settings::{
-    Destination, Name, PORTS_MAX, Port, PortId, PortKind, ROUTES_MAX, Route, Rules, SERVERS, Settings, TLS,
-    USERS,
+    Destination, Name, PORTS_MAX, Port, PortId, PortKind, ROUTES_MAX, Route, Rules, SERVERS, Settings, USERS,
 };
 
 /// Executes the words after a verb.
@@ -135,7 +134,8 @@ fn put_port(
     if let Some(problem) = certificates::lacks_certificate(settings, &port.kind) {
         return Err(name.error(problem));
     }
-    if TLS && !port.kind.has_roles() {
+    #[cfg(feature = "tls")] // As above.
+    if !port.kind.has_roles() {
         let by_role = settings.routes.iter().map(|route| route.source == id && !route.role.is_none());
         if let Some(rules) = Rules::of(by_role) {
             return Err(name.error(Problem::RulesNeedTls(rules)));

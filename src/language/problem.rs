@@ -171,8 +171,8 @@ pub(crate) enum Problem {
     #[error("this board has no TLS")]
     NoTls,
     /// A port needs a certificate that is not there.
-    // Without the feature no port needs one; also below.
-    #[cfg_attr(not(feature = "tls"), allow(dead_code))]
+    // Images without the feature have no word of it; also below.
+    #[cfg(feature = "tls")]
     #[error("there is no line certificate {name} {line}")]
     NoCertificate {
         /// The certificate's name, or `NAME` for any.
@@ -181,27 +181,27 @@ pub(crate) enum Problem {
         line: &'static str,
     },
     /// There is no certificate of this name.
-    #[cfg_attr(not(feature = "tls"), allow(dead_code))]
+    #[cfg(feature = "tls")]
     #[error("there is no certificate of this name")]
     NoSuchCertificate,
     /// There is no room for another certificate.
-    #[cfg_attr(not(feature = "tls"), allow(dead_code))]
+    #[cfg(feature = "tls")]
     #[error("there are {0} certificates already, the maximum")]
     CertificatesFull(usize),
     /// The port needs the certificate as it is.
-    #[cfg_attr(not(feature = "tls"), allow(dead_code))]
+    #[cfg(feature = "tls")]
     #[error("port {0} needs it: delete or edit the port first")]
     CertificateInUse(Name),
     /// For ports with TLS.
-    #[cfg_attr(not(feature = "tls"), allow(dead_code))]
+    #[cfg(feature = "tls")]
     #[error("needs tls")]
     TlsOnly,
     /// A role for clients that have none.
-    #[cfg_attr(not(feature = "tls"), allow(dead_code))]
+    #[cfg_attr(not(feature = "tls"), allow(dead_code))] // Told by a branch.
     #[error("clients of this source have no role: only those of a tcp server with tls")]
     NoRoles,
     /// Rules name roles for clients that would have none.
-    #[cfg_attr(not(feature = "tls"), allow(dead_code))]
+    #[cfg(feature = "tls")]
     #[error("{0} {verb} it with a role; clients have one with tls only", verb = .0.verb("names", "name"))]
     RulesNeedTls(Rules),
     /// The feature `users` is off.

@@ -32,6 +32,7 @@ pub enum OnSilence {
 
 impl OnSilence {
     /// The resulting state of the inputs, after a comma.
+    #[cfg(feature = "points")] // As the view of points.
     pub(crate) const fn of_inputs(self) -> &'static str {
         match self {
             Self::Hold => ", inputs held",

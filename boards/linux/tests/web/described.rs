@@ -239,10 +239,10 @@ fn long_work(caller: &mut Caller) {
     stream.write_all(body.as_bytes()).unwrap();
     read_until(&mut stream, b"9600 8E1", || {});
     scan(caller, "1-2", 409);
+    caller.call("tune", "POST", r#"{"port":"bare"}"#, 409);
     for path in ["scan", "tune"] {
         caller.call(path, "POST", r#"{"port":"nobody"}"#, 422);
     }
-    caller.call("tune", "POST", r#"{"port":"bare"}"#, 409);
     caller.call("stop", "POST", "", 204);
     let mut rest = Vec::new();
     stream.read_to_end(&mut rest).unwrap();

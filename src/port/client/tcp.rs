@@ -21,7 +21,7 @@ use crate::port::client::connection::TcpConnection;
 use crate::port::client::dispatcher::Dispatcher;
 use crate::port::client::servers::CONNECTIONS_MAX;
 use crate::port::timer::outlined;
-use crate::settings::{ServerAddress, TcpClientSettings};
+use crate::settings::TcpClientSettings;
 use crate::stats::Event;
 
 // A separate file, as for servers: what an `async` function awaits stays in its future.
@@ -110,14 +110,6 @@ impl<C: TcpConnect> ConnectionTask<'_, '_, C> {
                 }
             }
         }
-    }
-
-    /// Opens a connection to the server at `address`, with TLS if the port speaks it.
-    async fn open(&self, address: &ServerAddress) -> Result<C::Stream<'_>, OpenError> {
-        let Self { dispatcher, settings, connector, .. } = self;
-        let mut stream = connector.connect(address).await?;
-        tls::secure(dispatcher, settings, &mut stream, address).await?;
-        Ok(stream)
     }
 
     /// Connects to `server`, and serves its requests until the connection ends.

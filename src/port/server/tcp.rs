@@ -94,7 +94,7 @@ impl Server<'_, '_> {
                 };
                 self.port_state.stats.count(Event::Connected);
                 window = Window::new(self.settings.pipeline);
-                let role = outlined(pin!(self.secure(&mut stream, peer))).await;
+                let role = self.secure(&mut stream, peer).await;
                 let end = match role.and_then(|role| self.take_connection(peer, role)) {
                     Ok(_) if self.settings.framing == StreamFraming::Capture => {
                         outlined(pin!(self.export(&mut stream))).await

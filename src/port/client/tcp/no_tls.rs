@@ -1,17 +1,15 @@
 //! Stands in for TLS without the feature `tls`.
 
-use core::future::{Ready, ready};
+use super::ConnectionTask;
+use crate::hal::{OpenError, TcpConnect};
+use crate::settings::ServerAddress;
 
-use crate::hal::{OpenError, TcpStream};
-use crate::port::client::dispatcher::Dispatcher;
-use crate::settings::{ServerAddress, TcpClientSettings};
-
-/// No settings have such a port.
-pub(super) fn secure<S: TcpStream>(
-    _: &Dispatcher<'_>,
-    _: &TcpClientSettings,
-    _: &mut S,
-    _: &ServerAddress,
-) -> Ready<Result<(), OpenError>> {
-    ready(Ok(()))
+impl<C: TcpConnect> ConnectionTask<'_, '_, C> {
+    /// Opens a connection to the server at `address`.
+    pub(super) fn open(
+        &self,
+        address: &ServerAddress,
+    ) -> impl Future<Output = Result<C::Stream<'_>, OpenError>> {
+        self.connector.connect(address)
+    }
 }

@@ -1,18 +1,16 @@
 //! A connection to a server with TLS: the board shakes hands, and checks the server's certificate.
 
-use crate::hal::{OpenError, TcpStream};
-use crate::port::client::dispatcher::Dispatcher;
-use crate::settings::{ServerAddress, TcpClientSettings};
+use super::ConnectionTask;
+use crate::hal::{OpenError, TcpConnect, TcpStream};
+use crate::settings::ServerAddress;
 
-/// Begins TLS with `server` if the port speaks it.
-pub(super) async fn secure<S: TcpStream>(
-    dispatcher: &Dispatcher<'_>,
-    settings: &TcpClientSettings,
-    stream: &mut S,
-    server: &ServerAddress,
-) -> Result<(), OpenError> {
-    if settings.tls.on {
-        stream.secure(dispatcher.id(), Some(server)).await?;
+impl<C: TcpConnect> ConnectionTask<'_, '_, C> {
+    /// Opens a connection to the server at `address`, with TLS if the port speaks it.
+    pub(super) async fn open(&self, address: &ServerAddress) -> Result<C::Stream<'_>, OpenError> {
+        let mut stream = self.connector.connect(address).await?;
+        if self.settings.tls.on {
+            stream.secure(self.dispatcher.id(), Some(address)).await?;
+        }
+        Ok(stream)
     }
-    Ok(())
 }

@@ -26,8 +26,7 @@ async fn session(
 ) {
     let serve_one = async |stream: &mut TcpStream, port: PortId, peer: IpAddr, logged_in: &dyn Fn()| {
         let store = store.another();
-        // Passwords take more memory than there is.
-        let own = mobgate_ssh::Board { seed, system: board, passwords: false, store, update: NO_UPDATE };
+        let own = mobgate_ssh::Board { seed, system: board, passwords: true, store, update: NO_UPDATE };
         if let Err(error) = serve(&GATEWAY, stream, Visit { peer, port }, own, logged_in).await {
             log::debug!("SSH connection of {peer}: {error:?}");
         }

@@ -1,7 +1,8 @@
 //! The console by SSH, with OpenSSH's client and with one that sends packets as no other does.
 
-use std::fs;
+use std::fs::{self, Permissions};
 use std::io::{BufRead, BufReader, Read, Write};
+use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::process::{ChildStdout, Command, Output, Stdio};
 use std::sync::Barrier;
@@ -17,6 +18,10 @@ use crate::raw::{Client, KEY, Stage};
 const NO_SESSION: i32 = 255;
 /// Sessions at a time.
 const SESSIONS: usize = 8;
+/// `let me in`, with parameters that cost little.
+const PASSWORD: &str =
+    "$argon2id$v=19$m=8,t=1,p=1$MDEyMzQ1Njc4OWFiY2RlZg$MbnuQj2xrGASZb+GaVRPOkBaCDUjNErQQKePN3mCUfA";
+
 /// The board with an SSH server, and what its users have.
 struct Bench {
     // Ended before its folder goes.
@@ -40,14 +45,14 @@ fn start(folder: &Path) -> Machine {
 }
 
 impl Bench {
-    /// With the engineer `anna` and the viewer `vera`, who have the key `good`.
+    /// With the engineer `anna`, who has a password, and the viewer `vera`; both have the key `good`.
     fn new() -> Self {
         let folder = tempfile::tempdir().unwrap();
         let [good, _] = ["good", "wrong"].map(|name| make_key(folder.path(), name));
         let bench = Self { machine: start(folder.path()), folder };
         let mut console = bench.machine.console();
         for line in [
-            "user anna role engineer",
+            &format!("user anna role engineer password \"{PASSWORD}\""),
             &format!("user anna key {good}"),
             "user vera role viewer",
             &format!("user vera key {good}"),
@@ -66,17 +71,18 @@ impl Bench {
         self.folder.path().join(name)
     }
 
-    /// ssh(1) with `options` as `user`, who has the key of this name. The host key that it sees first is the right one.
+    /// ssh(1) with `options`, which go first, as `user`, who has the key of this name. The host key that it sees first is the right one.
     fn ssh(&self, options: &[&str], user: &str, key: &str) -> Command {
         let mut command = Command::new("ssh");
         command.args(["-F", "none", "-p", &self.machine.ssh_port().to_string(), "-i"]).arg(self.file(key));
         let known = format!("UserKnownHostsFile={}", self.file("known").display());
         // The port is another after each start.
+        command.args(options);
         let fixed = ["HostKeyAlias=board", "StrictHostKeyChecking=accept-new", &known, "LogLevel=ERROR"];
         for option in fixed.iter().chain(&["IdentitiesOnly=yes", "BatchMode=yes"]) {
             command.args(["-o", option]);
         }
-        command.args(options).arg(format!("{user}@127.0.0.1")).stdin(Stdio::null());
+        command.arg(format!("{user}@127.0.0.1")).stdin(Stdio::null());
         command
     }
 
@@ -113,8 +119,10 @@ fn a_line_runs_by_key_and_a_wrong_key_opens_nothing() {
     let (said, status) = bench.run("vera", "delete user anna");
     assert!(said.contains("needs the role engineer; yours is viewer") && status == 1, "{status}: {said}");
     let (said, status) = run(bench.ssh(&[], "anna", "wrong").arg("show ports"));
-    // There are keys only.
-    assert!(said.contains("Permission denied (publickey)") && status == NO_SESSION, "{status}: {said}");
+    assert!(
+        said.contains("Permission denied (publickey,password)") && status == NO_SESSION,
+        "{status}: {said}"
+    );
     bench.machine.logs("a wrong key for anna");
     let (said, status) = bench.run("anna", "update");
     assert!(said.contains("QEMU starts the image that it is given") && status == 1, "{status}: {said}");
@@ -124,6 +132,25 @@ fn a_line_runs_by_key_and_a_wrong_key_opens_nothing() {
     bench.machine.logs("listening on TCP port 22");
     let (said, status) = bench.run("anna", "show version");
     assert!(said.contains("on QEMU mps2-an386") && status == 0, "{status}: {said}");
+}
+
+#[test]
+fn a_password_opens_a_session_and_a_wrong_one_opens_nothing() {
+    let bench = Bench::new();
+    let ask = bench.file("ask");
+    let options = ["BatchMode=no", "PreferredAuthentications=password", "NumberOfPasswordPrompts=1"];
+    let options: Vec<&str> = options.iter().flat_map(|option| ["-o", option]).collect();
+    for (password, opens) in [("let me out", false), ("let me in", true)] {
+        fs::write(&ask, format!("#!/bin/sh\necho '{password}'\n")).unwrap();
+        fs::set_permissions(&ask, Permissions::from_mode(0o700)).unwrap();
+        let mut ssh = bench.ssh(&options, "anna", "good");
+        let (said, status) =
+            run(ssh.env("SSH_ASKPASS", &ask).env("SSH_ASKPASS_REQUIRE", "force").arg("show version"));
+        assert_eq!(said.contains("on QEMU mps2-an386"), opens, "{password}: {said}");
+        assert_eq!(status, if opens { 0 } else { NO_SESSION }, "{password}: {said}");
+    }
+    bench.machine.logs("a wrong password for anna");
+    bench.machine.logs("logged in as engineer");
 }
 
 #[test]

@@ -98,7 +98,11 @@ fn work(machine: &mut Machine, frame: &[u8]) -> [f64; 2] {
     let is_relay = |name: &str| name.ends_with("::step");
     assert!(busiest.iter().any(|(_, name)| is_relay(name)), "nothing was passed on by an interrupt");
     let parts = ["<mobgate_stm32::shift::Shift>", "<mobgate_stm32::line::UartLine as", "USART", "UART"];
-    let is_driver = |name: &str| parts.iter().any(|part| name.starts_with(part)) && !is_relay(name);
+    let is_driver = |name: &str| {
+        // Its future for reading is a closure that is polled.
+        let of = name.trim_start_matches("<core::future::poll_fn::PollFn<");
+        parts.iter().any(|part| of.starts_with(part)) && !is_relay(name)
+    };
     let sum = |driver| {
         busiest.iter().filter(|(_, name)| is_driver(name) == driver).map(|(count, _)| *count as f64).sum()
     };

@@ -10,12 +10,25 @@ use mobgate::language::{apply, write_line};
 use mobgate::settings::{LINE_BYTES_MAX, Settings};
 
 /// First words of the lines, in the order in which a text needs them.
-const KINDS: [&str; 9] =
-    ["network", "mdns", "certificate", "port", "server", "route", "device", "point", "slave"];
-const NETWORK: usize = 0;
-const MDNS: usize = 1;
-const SERVER: usize = 4;
-const ROUTE: usize = 5;
+const KINDS: [&str; 11] = [
+    "user",
+    "network",
+    "mdns",
+    "syslog",
+    "certificate",
+    "port",
+    "server",
+    "route",
+    "device",
+    "point",
+    "slave",
+];
+const USER: usize = 0;
+const NETWORK: usize = 1;
+const MDNS: usize = 2;
+const SYSLOG: usize = 3;
+const SERVER: usize = 6;
+const ROUTE: usize = 7;
 const BYTE_ORDER_MARK: &str = "\u{feff}";
 
 /// Changes the text `old` to mean the same as `new`, which is printed settings.
@@ -87,19 +100,24 @@ impl Item {
     fn of(line: &str) -> Option<Self> {
         let words = split(line).0.into_iter().map(str::to_owned).collect::<Vec<_>>();
         let kind = kind(words.first()?)?;
-        let name_words = match kind {
-            NETWORK | MDNS | ROUTE => 0,
-            // The port, `unit` and the units.
-            SERVER => 3,
-            _ => 1,
-        };
-        let name = words.iter().skip(1).take(name_words).map(|word| word.to_lowercase()).collect::<Vec<_>>();
-        let name = name.join(" ");
-        Some(Self { kind, name, text: line.to_owned(), words })
+        Some(Self { kind, name: name(kind, &words), text: line.to_owned(), words })
     }
 
     fn says_the_same(&self, other: &Self) -> bool {
         self.words == other.words
+    }
+}
+
+/// What identifies a line of this kind among others. Users and keys differ by case, too.
+fn name(kind: usize, words: &[impl AsRef<str>]) -> String {
+    let word = |nth: usize| words.get(nth).map_or("", AsRef::as_ref);
+    match kind {
+        NETWORK | MDNS | SYSLOG | ROUTE => String::new(),
+        // The port, `unit` and the units.
+        SERVER => [1, 2, 3].map(word).join(" ").to_lowercase(),
+        USER if word(2).eq_ignore_ascii_case("key") => format!("{} {}", word(1), word(4)),
+        USER => word(1).to_owned(),
+        _ => word(1).to_lowercase(),
     }
 }
 
@@ -154,8 +172,8 @@ fn made(settings: &Settings, verb: &str, words: &[&str]) -> Option<Item> {
     if kind == MDNS {
         return Item::of(&format!("mdns {}", settings.mdns));
     }
-    let name = words.get(1).map(|name| name.to_lowercase());
-    let is_it = |item: &Item| kind == SERVER || item.name.is_empty() || Some(&item.name) == name.as_ref();
+    let name = name(kind, words);
+    let is_it = |item: &Item| kind == SERVER || item.name.is_empty() || item.name == name;
     // A new rule or server comes after the others.
     (0..).map_while(|n| printed(settings, n)).filter(|item| item.kind == kind).filter(is_it).last()
 }

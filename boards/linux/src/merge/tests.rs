@@ -192,6 +192,33 @@ fn lines_that_cannot_be_read_give_way() {
     assert_eq!(merge("", "port P1 tcp server 502\n"), "port P1 tcp server 502\n");
 }
 
+const HASH: &str =
+    "\"$argon2id$v=19$m=8,t=1,p=1$MDEyMzQ1Njc4OWFiY2RlZg$MbnuQj2xrGASZb+GaVRPOkBaCDUjNErQQKePN3mCUfA\"";
+const KEY: &str = "AAAAC3NzaC1lZDI1NTE5AAAAIOMqqnkVzrm0SdG6UOoqKLsabgH5C9okWi0dh2l9GK";
+
+#[test]
+fn users_their_keys_and_a_syslog_server_are_lines_as_any_other() {
+    let file = format!(
+        "# who may come in\nuser anna role engineer password {HASH}   # the owner\n\
+         user anna key ssh-ed25519 {KEY}Jl anna@desk # her desk\n{FILE}syslog 10.0.0.9 # the plant's\n"
+    );
+    check(
+        &file,
+        &["edit port P502 listen 503"],
+        &[("port  P502 tcp server 502", "port P502 tcp server 503")],
+    );
+    let role = format!("user anna role engineer password {HASH}   #");
+    let lower = format!("user anna role viewer password {HASH} #");
+    check(&file, &["user anna role viewer"], &[(&role, &lower)]);
+    let more = format!("user anna key ssh-ed25519 {KEY}Jm");
+    let desk = format!("{KEY}Jl anna@desk # her desk\n");
+    check(&file, &[&more], &[(&desk, &format!("{desk}{more}\n"))]);
+    let gone = format!("user anna key ssh-ed25519 {KEY}Jl anna@desk # her desk\n");
+    check(&file, &[&format!("delete user anna key ssh-ed25519 {KEY}Jl")], &[(&gone, "")]);
+    check(&file, &["syslog tcp 10.0.0.8"], &[("syslog 10.0.0.9 #", "syslog tcp 10.0.0.8:514 #")]);
+    check(&file, &["syslog off"], &[("syslog 10.0.0.9 # the plant's\n", "")]);
+}
+
 /// Numbers from a seed.
 struct Dice(u64);
 
@@ -209,6 +236,17 @@ impl Dice {
 /// Lines that make settings: of few names, so that two such texts have much in common.
 fn settings_lines(dice: &mut Dice) -> Vec<String> {
     let mut lines = vec![dice.of(&["mdns on", "mdns off", "mdns on name hall"]).to_owned()];
+    for name in ["anna", "Bert"] {
+        if dice.below(3) == 0 {
+            let password = dice.of(&["", &format!(" password {HASH}")]).to_owned();
+            lines.push(format!("user {name} role {}{password}", dice.of(&["viewer", "engineer"])));
+            let keys = ["Jl", "Jm", "jl"].into_iter().filter(|_| dice.below(2) == 0);
+            lines.extend(keys.map(|end| format!("user {name} key ssh-ed25519 {KEY}{end}")));
+        }
+    }
+    if dice.below(3) == 0 {
+        lines.push(format!("syslog {}", dice.of(&["10.0.0.9", "tcp logs.example:601"])));
+    }
     let names: Vec<_> =
         ["P1", "P2", "bus", "plc", "gate"].into_iter().enumerate().filter(|_| dice.below(4) > 0).collect();
     for (n, name) in &names {

@@ -9,6 +9,7 @@ use std::os::fd::{AsFd, OwnedFd};
 use std::os::unix::fs::{FileTypeExt, MetadataExt};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::thread;
 
 use embassy_time::{Duration, Instant};
 use embedded_io_async::{ErrorType, Read, Write};
@@ -34,6 +35,10 @@ const PTY_MAJORS: std::ops::RangeInclusive<u32> = 136..=143;
 
 /// An FTDI adapter may hold characters back for 16 ms; the rest is scheduling delay.
 const READ_JITTER: Duration = Duration::from_millis(20);
+
+/// Attempts at a line that is in use, and the pause behind each: together half a second.
+const BUSY_ATTEMPTS: u32 = 10;
+const BUSY_PAUSE: std::time::Duration = std::time::Duration::from_millis(50);
 
 /// Opens `/dev/...` names, symbolic links such as those in `/dev/serial/by-id`, and bare names (`ttyUSB0`).
 #[derive(Debug, Clone, Default)]
@@ -67,7 +72,7 @@ impl SerialHost for TtyHost {
     async fn open(&mut self, device: &str, line: &LineSettings) -> Result<Tty, OpenError> {
         let (device, line) = (path(device), *line);
         let failed = |_| OpenError::new(OpenErrorKind::Failed, "");
-        let port = worker::once(move || open(device, &line)).await.map_err(failed)??;
+        let port = worker::once(move || open_once_free(&device, &line)).await.map_err(failed)??;
         let rts = match line.driver {
             Driver::Rts => Some(Rts::new(&port).map_err(failed)?),
             Driver::Automatic | Driver::Rs485 => None,
@@ -100,17 +105,29 @@ fn identity(device: &str) -> Result<u64, PathBuf> {
     number.map(|facts| facts.rdev()).ok_or_else(|| file::resolve(&path))
 }
 
-fn open(device: PathBuf, line: &LineSettings) -> Result<SerialPort, OpenError> {
-    let mut port = SerialPort::open(&device, |settings: serial2::Settings| Ok(settings))
-        .map_err(|error| refusal(&error, &device))?;
-    claim(&port).map_err(|error| refusal(&error.into(), &device))?;
+/// Opens the line, if need be after some attempts: an opening that the port has given up, since its settings have changed again, holds
+/// the line until its thread is done.
+fn open_once_free(device: &Path, line: &LineSettings) -> Result<SerialPort, OpenError> {
+    for _ in 0..BUSY_ATTEMPTS {
+        match open(device, line) {
+            Err(error) if error.kind == OpenErrorKind::InUse => thread::sleep(BUSY_PAUSE),
+            opened => return opened,
+        }
+    }
+    open(device, line)
+}
+
+fn open(device: &Path, line: &LineSettings) -> Result<SerialPort, OpenError> {
+    let mut port = SerialPort::open(device, |settings: serial2::Settings| Ok(settings))
+        .map_err(|error| refusal(&error, device))?;
+    claim(&port).map_err(|error| refusal(&error.into(), device))?;
     let configured = configure(&mut port, line)
         .map_err(|_| OpenError::new(OpenErrorKind::Unsupported, "speed or character format"));
     if let Err(error) = configured.and_then(|()| prepare_driver(&mut port, line)) {
         release(&port);
         return Err(error);
     }
-    low_latency::request(&port, &device);
+    low_latency::request(&port, device);
     // Characters received before belong to no request.
     let _ = tcflush(&port, QueueSelector::IFlush);
     Ok(port)

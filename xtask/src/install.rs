@@ -56,7 +56,7 @@ struct Need {
 
 const DEBIAN_RUST: By = By::Apt(&["rustc-web", "cargo-web", "rust-web-src", "rust-web-clippy", "lld"]);
 
-const NEEDS: [Need; 37] = [
+const NEEDS: [Need; 39] = [
     by_apt(Group::Peers, "mbpoll", &["mbpoll"]),
     by_apt(Group::Package, "mbpoll", &["mbpoll"]),
     by_apt(Group::Peers, "ssh", &["openssh-client"]),
@@ -98,6 +98,9 @@ const NEEDS: [Need; 37] = [
         is_installed(RP2040_PACKAGES, RP2040_FOLDER)
     }),
     need(Group::Arm, "Debian's Rust with sources", DEBIAN_RUST, |_| board::has_sources()),
+    // The cryptography of SSH and TLS is partly C.
+    by_apt(Group::Arm, "aarch64-linux-gnu-gcc", &["gcc-aarch64-linux-gnu", "libc6-dev-arm64-cross"]),
+    by_apt(Group::Arm, "arm-linux-gnueabihf-gcc", &["gcc-arm-linux-gnueabihf", "libc6-dev-armhf-cross"]),
     by_apt(Group::Package, "mmdebstrap", &["mmdebstrap"]),
     by_cargo(Group::Package, "cargo-deb"),
     by_apt(Group::Browser, "chromium", &["chromium"]),

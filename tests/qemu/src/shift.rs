@@ -35,6 +35,8 @@ const TRANSACTIONS: u32 = 500;
 const PAUSE_US: u64 = 30_000;
 /// Most that the others may shift it, in percent.
 const SHIFT_MAX: f64 = 1.0;
+/// Attempts at a measurement on a busy host.
+const ATTEMPTS: u32 = 5;
 /// Reads that are passed on, of so many registers, and the speeds and registers for which their times are told.
 const PASSED_ON: u32 = 150;
 const FEW_REGISTERS: u8 = 1;
@@ -53,7 +55,7 @@ pub fn figures(folder: &Path, instructions: f64) {
         machine.wire(uart, &Bus::new([unit]));
     }
     let mut figures = machine.figures();
-    let mut waits = |units: &[u8], chip: Option<f64>| {
+    let mut waits_once = |units: &[u8], chip: Option<f64>| {
         let (mut watched, mut random) = (machine.client(), Random::new(1));
         figures.waits();
         beside(&machine, units, chip, || {
@@ -64,6 +66,7 @@ pub fn figures(folder: &Path, instructions: f64) {
         });
         Waits::of(figures.waits(), TRANSACTIONS)
     };
+    let mut waits = |units: &[u8], chip| on_a_quiet_host(|| waits_once(units, chip));
     let alone = waits(&[], None);
     for (chip, clock_hz) in CHIPS {
         let loaded = waits(&UNITS, Some(clock_hz));
@@ -82,7 +85,7 @@ pub fn passed_on(folder: &Path) {
     machine.wire(1, &Bus::new([WATCHED]));
     let mut passing = Passing::start(&machine, &mut machine.console());
     let mut figures = machine.figures();
-    let mut waits = |units: &[u8], chip: Option<f64>| {
+    let mut waits_once = |units: &[u8], chip: Option<f64>| {
         let mut random = Random::new(1);
         figures.passed();
         beside(&machine, units, chip, || {
@@ -93,6 +96,7 @@ pub fn passed_on(folder: &Path) {
         });
         Waits::of(figures.passed(), 2 * PASSED_ON)
     };
+    let mut waits = |units: &[u8], chip| on_a_quiet_host(|| waits_once(units, chip));
     let alone = waits(&[], None);
     for (chip, clock_hz) in CHIPS {
         let loaded = waits(&[WATCHED], Some(clock_hz));
@@ -124,12 +128,24 @@ struct Waits {
 }
 
 impl Waits {
-    /// The board's sums of what was to happen so many times. Where this host is busy, a few bytes are there before anybody waits.
-    fn of([total, times, longest]: [u32; 3], wanted: u32) -> Self {
-        assert!(f64::from(times) >= 0.9 * f64::from(wanted), "{times} waits instead of {wanted}");
+    /// The board's sums of what was to happen so many times, or what it was instead. Where this host is busy, some bytes are there
+    /// before anybody waits: a few do not matter.
+    fn of([total, times, longest]: [u32; 3], wanted: u32) -> Result<Self, String> {
+        if f64::from(times) < 0.9 * f64::from(wanted) {
+            return Err(format!("{times} waits instead of {wanted}"));
+        }
         let instructions = |ticks: u32| f64::from(ticks) * INSTRUCTIONS_PER_TICK;
-        Self { mean: instructions(total) / f64::from(times), most: instructions(longest) }
+        Ok(Self { mean: instructions(total) / f64::from(times), most: instructions(longest) })
     }
+}
+
+/// Measures again, a few times, where the host was too busy.
+fn on_a_quiet_host(mut measure: impl FnMut() -> Result<Waits, String>) -> Waits {
+    let mut last = measure();
+    for _ in 1..ATTEMPTS {
+        last = last.or_else(|_| measure());
+    }
+    last.unwrap_or_else(|why| panic!("this host is too busy: {why}"))
 }
 
 /// Does `act` while `units` stand for the other lines of a board whose processor has so many cycles a second.

@@ -159,13 +159,18 @@ pub(crate) fn run(board: &str, subcommand: &str, arguments: &[String]) -> Outcom
     }
 }
 
-/// Builds both images of a board: first the one without EtherCAT, which is kept beside the other.
-pub(crate) fn build_both(board: &str) -> Outcome {
-    run(board, "build", &["--no-default-features".into()])?;
-    let image = image(board)?;
-    let mut kept = image.clone().into_os_string();
-    kept.push("-without-ethercat");
-    std::fs::copy(&image, &kept).map_err(|error| fault(&image, &error))?;
+/// An image without EtherCAT, and with users and the audit trail.
+pub(crate) const WITH_USERS: [&str; 2] = ["--no-default-features", "--features=users"];
+
+/// Builds the images of a board: first those without EtherCAT, which are kept beside the other.
+pub(crate) fn build_all(board: &str) -> Outcome {
+    for (arguments, behind) in [(&WITH_USERS[..], "-with-users"), (&WITH_USERS[..1], "-without-ethercat")] {
+        run(board, "build", &arguments.iter().map(|&word| word.into()).collect::<Vec<_>>())?;
+        let image = image(board)?;
+        let mut kept = image.clone().into_os_string();
+        kept.push(behind);
+        std::fs::copy(&image, &kept).map_err(|error| fault(&image, &error))?;
+    }
     run(board, "build", &[])
 }
 

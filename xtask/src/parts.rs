@@ -10,7 +10,7 @@ use std::path::Path;
 use crate::tools::{Outcome, command, output, root};
 
 /// The parts, and the ends, beginnings or folders of their sources' paths.
-const PARTS: [(&str, &[&str]); 5] = [
+const PARTS: [(&str, &[&str]); 8] = [
     // Late responses: what proves that a unit is in step.
     (
         "in_step",
@@ -48,6 +48,54 @@ const PARTS: [(&str, &[&str]); 5] = [
             "/octseq-*/src/",
             "/smoltcp-*/src/iface/interface/multicast.rs",
             "/smoltcp-*/src/wire/igmp.rs",
+        ],
+    ),
+    // Who changed what: the trail, and a server that gets it.
+    (
+        "audit",
+        &[
+            "/src/console/audit.rs",
+            "/src/gateway/audit.rs",
+            "/src/gateway/audit/",
+            "/src/hal/syslog.rs",
+            "/src/language/syslog.rs",
+            "/src/settings/syslog.rs",
+            "/src/tasks/syslog.rs",
+            "/boards/net/src/audit.rs",
+            "/boards/net/src/syslog.rs",
+        ],
+    ),
+    // The time, by an NTP server.
+    (
+        "time",
+        &[
+            "/src/gateway/calendar.rs",
+            "/src/gateway/calendar/",
+            "/src/gateway/date.rs",
+            "/src/language/ntp.rs",
+            "/src/settings/time.rs",
+            "/boards/net/src/sntp.rs",
+            "/sntpc-*/src/",
+            "/time-*/src/",
+        ],
+    ),
+    // Users with passwords.
+    (
+        "users",
+        &[
+            "/src/console/log_in.rs",
+            "/src/console/users.rs",
+            "/src/gateway/enter.rs",
+            "/src/gateway/log_in.rs",
+            "/src/language/users.rs",
+            "/src/settings/users.rs",
+            "/boards/passwords/src/",
+            "/boards/stm32/src/random.rs",
+            "/argon2-*/src/",
+            "/base64ct-*/src/",
+            "/blake2-*/src/",
+            "/password-hash-*/src/",
+            "/phc-*/src/",
         ],
     ),
     // New firmware.

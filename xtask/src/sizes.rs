@@ -1,4 +1,4 @@
-//! Sizes of the boards' images, the STM32 ones each without and with EtherCAT and data points: sections, largest symbols, budgets.
+//! Sizes of the boards' images, the STM32 ones each without and with EtherCAT and data points, and with users: sections, largest symbols, budgets.
 //!
 //! Flash is what is programmed: code, constants, and initial values of variables. RAM is what is used statically; the rest of the
 //! memory is the stack. The router's core is what lies between the ports: router, rules, frames, queues, counters. Its flash is the
@@ -67,14 +67,17 @@ pub(crate) fn print(boards: &[String]) -> Outcome {
         let name = if is_rp2040 { "rp2040" } else { board.strip_prefix("nucleo_").unwrap_or(board) };
         let lines = read(format!("boards/{board}/src/main.rs"))?.lines().count();
         figure(&format!("{name}_main"), lines as f64, "lines", Some(99.0));
-        let image = Image::build(board, false)?;
         // Eight ports, 64 rules, 16 clients.
         let budget = board == "nucleo_h743zi";
+        if !is_rp2040 {
+            with_users(&format!("{name}_secure"), board, budget)?;
+        }
+        let image = Image::build(board, " without EtherCAT", &board::WITH_USERS[..1])?;
         // Of the RP2040: the program's part of the flash; RAM but for the stack.
         let most = if is_rp2040 { Some((640.0, 200.0)) } else { budget.then_some((320.0, 128.0)) };
         image.totals(name, most);
         if budget {
-            image.parts(name, board)?;
+            image.parts(name, board, Some(256.0))?;
             figure("router_core_flash", kib(image.core_flash()), "KiB", Some(24.0));
             image.gateway_ram()?;
             figure("router_core_ram_per_port", kib(image.core_ram()?), "KiB", Some(1.0));
@@ -85,10 +88,17 @@ pub(crate) fn print(boards: &[String]) -> Outcome {
             continue;
         }
         // Router, scanner and EtherCAT together: the image that users flash.
-        let image = Image::build(board, true)?;
+        let image = Image::build(board, "", &[])?;
         image.totals(&format!("{name}_ethercat"), Some((512.0, 192.0)));
     }
     Ok(())
+}
+
+/// Prints the sizes of a board's image with users and the audit trail, without EtherCAT; part by part where there is a budget.
+fn with_users(name: &str, board: &str, budget: bool) -> Outcome {
+    let image = Image::build(board, " with users, without EtherCAT", &board::WITH_USERS)?;
+    image.totals(name, budget.then_some((352.0, 192.0)));
+    if budget { image.parts(name, board, None) } else { Ok(()) }
 }
 
 fn kib(bytes: u64) -> f64 {
@@ -115,14 +125,15 @@ struct Image {
 }
 
 impl Image {
-    /// Builds an image, with its default features or without, and prints its sections and largest symbols.
-    fn build(board: &str, with_features: bool) -> Outcome<Self> {
-        let arguments = (!with_features).then(|| "--no-default-features".into());
-        board::run(board, "build", arguments.as_slice())?;
+    /// Builds an image with these arguments, and prints its sections and largest symbols.
+    fn build(board: &str, which: &str, arguments: &[&str]) -> Outcome<Self> {
+        board::run(board, "build", &arguments.iter().map(|&word| word.into()).collect::<Vec<_>>())?;
         let image = Self::read(&board::image(board)?)?;
-        println!("{board}{}:", if with_features { "" } else { " without EtherCAT" });
+        println!("{board}{which}:");
         for (name, bytes, _) in &image.sections {
-            if [".vector_table", ".text", ".rodata", ".data", ".bss", ".uninit"].contains(&name.as_str()) {
+            if [".vector_table", ".text", ".rodata", ".kept", ".data", ".bss", ".uninit"]
+                .contains(&name.as_str())
+            {
                 println!("  {name:<14} {bytes:7}");
             }
         }
@@ -167,12 +178,12 @@ impl Image {
 
     fn totals(&self, name: &str, most: Option<(f64, f64)>) {
         figure(&format!("{name}_flash"), kib(self.flash()), "KiB", most.map(|(flash, _)| flash));
-        let ram = kib(self.sum(&[".data", ".bss", ".uninit"]));
+        let ram = kib(self.sum(&[".kept", ".data", ".bss", ".uninit"]));
         figure(&format!("{name}_ram"), ram, "KiB", most.map(|(_, ram)| ram));
     }
 
     /// Prints the flash of what was added, part by part, and of the rest.
-    fn parts(&self, name: &str, board: &str) -> Outcome {
+    fn parts(&self, name: &str, board: &str, most: Option<f64>) -> Outcome {
         let text = self.sections.iter().find(|(name, ..)| name == ".text");
         let code = text.map_or(0..0, |&(_, bytes, address)| address..address + bytes);
         let mut rest = self.flash();
@@ -180,7 +191,7 @@ impl Image {
             figure(&format!("{name}_{part}_flash"), kib(bytes), "KiB", None);
             rest -= bytes;
         }
-        figure(&format!("{name}_core_flash"), kib(rest), "KiB", Some(256.0));
+        figure(&format!("{name}_core_flash"), kib(rest), "KiB", most);
         Ok(())
     }
 

@@ -70,7 +70,7 @@ pub(crate) fn run_all(suites: &[Suite], install: bool) -> Outcome {
         }
         Suite::Qemu => run(&mut cargo("test", &["--package", "mobgate-qemu", "--test", "qemu"])),
         Suite::Stm32 => {
-            board::nucleos()?.iter().try_for_each(|board| board::build_both(board))?;
+            board::nucleos()?.iter().try_for_each(|board| board::build_all(board))?;
             // With its figures.
             run(stm32("test").args(["--", "--nocapture"]))
         }

@@ -7,6 +7,7 @@ use embassy_sync::mutex::Mutex;
 use embedded_io_async::{Read, Write};
 use embedded_storage_async::nor_flash::NorFlash;
 use mobgate::console::{self, Mode};
+use mobgate::gateway::audit::{Actor, Topic};
 use mobgate::hal::SharedUpdate;
 use mobgate_flash::{FlashStore, SharedStore};
 
@@ -54,15 +55,19 @@ async fn serve(
     board.settings = start::settings(&mut store, forget).await.err();
     if let Some(problem) = &board.settings {
         defmt::warn!("settings: {}", defmt::Display2Format(problem));
+        gateway().audit(Topic::Start, Actor::System, format_args!("settings {problem}"));
     }
     let board: &Board = board;
     let trial = pin!(trial::run(board, firmware, &flash));
-    let sessions = pin!(async {
+    let updater = || {
         let update = SharedUpdate::new(firmware);
         // Without EtherCAT a restart follows at once.
         #[cfg(feature = "ethercat")]
         let update = Shown::new(update, board);
-        let mut update = update;
+        update
+    };
+    let sessions = pin!(async {
+        let mut update = updater();
         loop {
             terminal.opened().await;
             // `exit` starts a new session, and so does a terminal that was unplugged.
@@ -75,10 +80,16 @@ async fn serve(
     #[cfg(feature = "ethercat")]
     let sessions = async {
         let mut kept = SharedStore::new(&flash);
-        let mut taken = Shown::new(SharedUpdate::new(firmware), board);
+        let mut taken = updater();
         let keep = pin!(gateway().keep_settings(&mut kept));
         let take = pin!(gateway().take_firmware(&crate::states::FIRMWARE, &mut taken, board));
         embassy_futures::join::join3(keep, take, sessions).await.2
+    };
+    // As its feature.
+    #[cfg(feature = "ssh")]
+    let sessions = async {
+        let guests = pin!(crate::ssh::serve(board, &flash, updater));
+        embassy_futures::join::join(guests, sessions).await.1
     };
     embassy_futures::join::join(trial, sessions).await.1
 }

@@ -44,7 +44,9 @@ pub fn gateway() -> &'static Gateway<'static> {
         let connections = CONNECTION_STATES.init_with(|| [const { Connection::new() }; CONNECTIONS]);
         let gateway = Gateway::new(&POOL, &PORT_STATES, connections).with_own_network();
         // Images without it are smaller, see Cargo.toml.
-        #[cfg(feature = "ethercat")]
+        #[cfg(feature = "audit")]
+        let gateway = gateway.with_audit(mobgate_faults::audit_memory());
+        #[cfg(feature = "ethercat")] // As above.
         let gateway = crate::states::join(gateway).with_capture(&CAPTURE);
         gateway
     })

@@ -2,7 +2,7 @@
 //!
 //! * [`gateway`]: the gateway's statics and tasks; [`lines`]: the table of lines, which ports open by name.
 //! * [`network`]: the stack on the board's Ethernet and its sockets.
-//! * [`console`]: the console over any terminal; [`start`]: the settings at start-up, and the factory reset.
+//! * [`console`]: the console over any terminal, `ssh`: and by network; [`start`]: the settings at start-up, and the factory reset.
 //! * [`system`]: the console's interface to the board; [`watchdog`]: whether it may be fed, shown by the [`lights`]; [`trial`]: whether new
 //!   firmware stays; `waiting`: what the next restart starts.
 #![no_std]
@@ -13,6 +13,9 @@ pub mod lights;
 pub mod lines;
 pub mod network;
 mod sockets;
+// As its feature.
+#[cfg(feature = "ssh")]
+mod ssh;
 pub mod start;
 // Images without it are smaller, see Cargo.toml.
 #[cfg(feature = "ethercat")]

@@ -50,7 +50,13 @@ pub async fn stack<D: Driver>(runner: &mut Runner<D>) -> ! {
 #[embassy_executor::task]
 async fn run_sockets(sockets: &'static Sockets) -> ! {
     let (gateway, stack) = (gateway(), sockets.stack());
-    let all = pin!(join3(sockets.run(), address::follow(gateway, stack), mdns::run(gateway, stack)));
+    // An image without an audit trail has nothing to send.
+    #[cfg(feature = "audit")]
+    let mdns =
+        embassy_futures::join::join(mdns::run(gateway, stack), mobgate_net::follow_audit(gateway, sockets));
+    #[cfg(not(feature = "audit"))] // As above.
+    let mdns = mdns::run(gateway, stack);
+    let all = pin!(join3(sockets.run(), address::follow(gateway, stack), mdns));
     let (never, ..) = LIVENESS.watch(Task::Sockets as usize, all).await;
     never
 }

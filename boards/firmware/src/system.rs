@@ -6,27 +6,57 @@ use core::fmt::Write;
 use heapless::String;
 use mobgate::hal::{FirmwareState, NetworkState, System};
 use mobgate_board::last_words::WORDS_BYTES_MAX;
+#[cfg(feature = "users")] // Images without them are smaller, see Cargo.toml.
+use mobgate_passwords::Passwords;
 use mobgate_update::Reason;
 
+use crate::gateway::gateway;
 use crate::sockets::Network;
 use crate::start::Problem;
+
+/// Fills bytes with random numbers that nobody can guess; returns whether it can.
+#[cfg(feature = "users")] // As above.
+pub type Random = fn(&mut [u8]) -> bool;
+
+#[cfg(feature = "users")] // As above.
+static PASSWORDS: static_cell::ConstStaticCell<Passwords> =
+    static_cell::ConstStaticCell::new(Passwords::new());
 
 /// A board and the events of its start.
 pub struct Board {
     name: &'static str,
-    network: Network,
+    pub(crate) network: Network,
     cause: &'static str,
     last_words: Option<String<WORDS_BYTES_MAX>>,
     pub(crate) settings: Option<Problem>,
     firmware: RefCell<Option<FirmwareState>>,
     reboot: fn() -> !,
+    #[cfg(feature = "users")] // As above.
+    passwords: (&'static Passwords, Random),
 }
 
 impl Board {
-    /// Board `name`, started for this `cause`, and how to start it again.
+    /// Board `name`, started for this `cause`, and how to start it again. Before any task runs: the audit trail begins here.
     pub fn new(name: &'static str, network: Network, cause: &'static str, reboot: fn() -> !) -> Self {
         let (last_words, firmware) = (mobgate_faults::take(), RefCell::new(None));
-        Self { name, network, cause, last_words, settings: None, firmware, reboot }
+        gateway().audit_start(cause, last_words.as_deref());
+        Self {
+            name,
+            network,
+            cause,
+            last_words,
+            settings: None,
+            firmware,
+            reboot,
+            #[cfg(feature = "users")] // As above.
+            passwords: (PASSWORDS.take(), |_| false),
+        }
+    }
+
+    /// Takes the chip's random numbers, without which no password can be set.
+    #[cfg(feature = "users")] // As above.
+    pub fn set_random(&mut self, random: Random) {
+        self.passwords.1 = random;
     }
 
     /// Why the board was started, as a reason to go back.
@@ -67,6 +97,22 @@ impl System for Board {
 
     fn firmware(&self) -> Option<FirmwareState> {
         self.firmware.borrow().clone()
+    }
+
+    #[cfg(feature = "users")] // As above.
+    async fn is_password(&self, hash: Option<&str>, password: &str) -> bool {
+        self.passwords.0.is_right(hash, password)
+    }
+
+    #[cfg(feature = "users")] // As above.
+    async fn hash_password(&self, password: &str) -> Option<mobgate::settings::PasswordHash> {
+        let (passwords, random) = self.passwords;
+        passwords.hash(password, random)
+    }
+
+    #[cfg(feature = "users")] // As above.
+    fn random(&self, into: &mut [u8]) -> bool {
+        (self.passwords.1)(into)
     }
 
     fn reboot(&self) {

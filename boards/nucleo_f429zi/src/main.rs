@@ -4,7 +4,9 @@
 
 use embassy_executor::Spawner;
 use embassy_stm32::Config;
-use embassy_stm32::rcc::{APBPrescaler, Hse, HseMode, Pll, PllMul, PllPDiv, PllPreDiv, PllSource, Sysclk};
+use embassy_stm32::rcc::{
+    APBPrescaler, Hse, HseMode, Pll, PllMul, PllPDiv, PllPreDiv, PllQDiv, PllSource, Sysclk,
+};
 use embassy_stm32::time::Hertz;
 use mobgate_stm32::nucleo144;
 
@@ -24,7 +26,9 @@ fn clocks() -> Config {
     config.rcc.hse = Some(Hse { freq: Hertz(8_000_000), mode: HseMode::Bypass });
     config.rcc.pll_src = PllSource::HSE;
     let (prediv, mul, divp) = (PllPreDiv::DIV4, PllMul::MUL168, Some(PllPDiv::DIV2));
-    config.rcc.pll = Some(Pll { prediv, mul, divp, divq: None, divr: None });
+    // 48 MHz for the random numbers.
+    let divq = Some(PllQDiv::DIV7);
+    config.rcc.pll = Some(Pll { prediv, mul, divp, divq, divr: None });
     config.rcc.sys = Sysclk::PLL1_P;
     (config.rcc.apb1_pre, config.rcc.apb2_pre) = (APBPrescaler::DIV4, APBPrescaler::DIV2);
     config

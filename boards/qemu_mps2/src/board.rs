@@ -1,8 +1,5 @@
 //! The console's interface to the board, and the default settings.
 
-// As their feature.
-#[cfg(feature = "users")]
-use core::cell::RefCell;
 use core::fmt::Write;
 
 use cortex_m::peripheral::SCB;
@@ -19,7 +16,7 @@ use mobgate::language::Loader;
 use mobgate_board::last_words::WORDS_BYTES_MAX;
 use mobgate_flash::{FlashStore, Image, SharedStore};
 use mobgate_net::{Sockets, address};
-#[cfg(feature = "users")] // As above.
+#[cfg(feature = "users")] // As their feature.
 use mobgate_passwords::Passwords;
 use static_cell::StaticCell;
 
@@ -78,7 +75,7 @@ pub(crate) struct Board {
     last_words: Option<String<WORDS_BYTES_MAX>>,
     // As their feature.
     #[cfg(feature = "users")]
-    passwords: RefCell<&'static mut Passwords>,
+    passwords: &'static Passwords,
 }
 
 impl Board {
@@ -94,7 +91,7 @@ impl Board {
             last_words,
             // As above.
             #[cfg(feature = "users")]
-            passwords: RefCell::new(PASSWORDS.take()),
+            passwords: PASSWORDS.take(),
         }
     }
 }
@@ -116,13 +113,12 @@ impl System for Board {
     // As their feature.
     #[cfg(feature = "users")]
     async fn is_password(&self, hash: Option<&str>, password: &str) -> bool {
-        self.passwords.borrow_mut().is_right(hash, password)
+        self.passwords.is_right(hash, password)
     }
 
     #[cfg(feature = "users")] // As above.
     async fn hash_password(&self, password: &str) -> Option<mobgate::settings::PasswordHash> {
-        let mut salt = [0; mobgate_passwords::SALT_BYTES];
-        self.random(&mut salt).then(|| self.passwords.borrow_mut().hash(password, salt))?
+        self.passwords.hash(password, |salt| self.random(salt))
     }
 
     /// The host's.

@@ -123,6 +123,13 @@ pub async fn run(spawner: Spawner, info: &'static Info, p: Peripherals) -> ! {
     watchdog::watch(mobgate_rp_boot::watchdog::feed, &mut light, network).await
 }
 
+/// Fills `into` with bits of the ring oscillator: good enough for the salt of a password, which need not be secret.
+#[cfg(feature = "users")] // As above.
+fn random(into: &mut [u8]) -> bool {
+    embassy_rp::clocks::RoscRng.fill_bytes(into);
+    true
+}
+
 /// The unique number in hexadecimal.
 fn serial(unique: &[u8; UNIQUE_BYTES]) -> &'static str {
     let text = SERIAL.init(heapless::String::new());
@@ -156,6 +163,8 @@ async fn serve(
     info: &'static Info,
     forget: bool,
 ) -> ! {
+    #[cfg(feature = "users")] // Images without them are smaller, see Cargo.toml.
+    board.set_random(random);
     let flash = SharedFlash::new(flash);
     let firmware = Mutex::new(updater(&flash, *info));
     terminal::run(&mut board, &mut port, settings(&flash), 0, &firmware, forget).await

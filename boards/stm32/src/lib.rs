@@ -5,7 +5,7 @@
 //! * `line`: an RS-485 line on a UART; `shift`: its interrupt.
 //! * `flash`: the chip's flash for the settings.
 //! * `ethernet`: the MAC and its PHY; `ethercat`: the controller on SPI1; `spi`: its transfers.
-//! * `clock`: the embassy-time driver; `registers`: what differs between the families; `faults`: panics and faults.
+//! * `clock`: the embassy-time driver; `registers`: what differs between the families; `random`: random numbers; `faults`: panics and faults.
 //!
 //! Caches: the instruction cache is on, the Cortex-M7's data cache is always off, so the program sees what DMA and Ethernet write,
 //! in every memory.
@@ -22,6 +22,9 @@ mod interrupts;
 mod lights;
 mod line;
 pub mod nucleo144;
+// Images without users need none.
+#[cfg(feature = "users")]
+mod random;
 mod registers;
 mod shift;
 // Only the controller is on it.

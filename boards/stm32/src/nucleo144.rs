@@ -153,6 +153,8 @@ async fn serve(
     // Every chip supports this format. Only the error's kind, because formatting its hint would pull the Unicode tables (3 KiB)
     // into the image.
     terminal.configure(&CONSOLE).map_err(|error| error.kind).unwrap();
+    #[cfg(feature = "users")] // Images without them are smaller, see Cargo.toml.
+    board.set_random(crate::random::fill);
     let flash = SharedFlash::new(flash);
     let firmware = Mutex::new(updater(&flash, *info));
     console::run(&mut board, &mut terminal, settings(&flash), 0, &firmware, forget).await

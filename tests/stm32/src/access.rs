@@ -101,6 +101,7 @@ impl Bus {
             Device::Gpio => self.gpio.read(offset),
             Device::Watchdog => self.watchdog.read(offset),
             Device::Timer => self.timer.read(offset, self.now),
+            Device::Random => self.random.read(offset, self.now),
             Device::Uart(uart) => self.uarts[uart].read(offset),
             Device::Dma(dma) => self.dma.read(dma, offset),
             Device::Dmamux => self.dma.read_mux(offset),
@@ -180,6 +181,7 @@ impl Bus {
             }
             Device::Watchdog => self.watchdog.write(offset, value, now),
             Device::Timer => self.timer.write(offset, value, now, self.clocks.timers),
+            Device::Random => self.random.write(offset, value, now, self.clocks.random),
             Device::Uart(uart) => {
                 let clock = self.uart_clock(uart);
                 self.uarts[uart].write(offset, value, now, clock)

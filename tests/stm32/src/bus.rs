@@ -14,6 +14,7 @@ use crate::exti::Exti;
 use crate::flash::Flash;
 use crate::gpio::{Drive, Gpio, REFERENCE_CLOCK, SPI_INTERRUPT};
 use crate::phy::Phy;
+use crate::random::Random;
 use crate::rcc::{Clocks, Rcc, Reset};
 use crate::spi::{Spi, Target};
 use crate::time::{NANOSECOND, SECOND, Time};
@@ -77,6 +78,7 @@ pub(crate) struct Bus {
     pub(crate) flash: Flash,
     pub(crate) gpio: Gpio,
     pub(crate) timer: Timer,
+    pub(crate) random: Random,
     pub(crate) watchdog: Watchdog,
     pub(crate) uarts: [Usart; 5],
     pub(crate) dma: Dma,
@@ -136,6 +138,7 @@ impl Bus {
                 if phy.is_there { Drive::Clock } else { Drive::Level(false) },
             )])),
             timer: Timer::new(),
+            random: Random::new(),
             watchdog: Watchdog::new(),
             uarts: std::array::from_fn(|_| Usart::new(family != Family::F4)),
             dma: Dma::new(family),
@@ -165,6 +168,7 @@ impl Bus {
         fresh.now = self.now;
         fresh.revision = self.revision;
         fresh.rcc = Rcc::new(self.board.family, cause);
+        fresh.random = self.random.after_reset();
         std::mem::swap(fresh.gpio.driven(), self.gpio.driven());
         std::mem::swap(&mut fresh.uarts, &mut self.uarts);
         fresh.uarts.iter_mut().for_each(Usart::reset);

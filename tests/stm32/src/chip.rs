@@ -11,6 +11,17 @@ pub enum Family {
     H7,
 }
 
+/// An image of a board.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Variant {
+    /// With EtherCAT and data points.
+    Ethercat,
+    /// Without.
+    Smaller,
+    /// Without, and with users and the audit trail.
+    Users,
+}
+
 /// A board: its name as `cargo xtask board` knows it, and its chip.
 #[derive(Clone, Copy, Debug)]
 pub struct Board {
@@ -18,8 +29,8 @@ pub struct Board {
     pub name: &'static str,
     /// Its chip's family.
     pub family: Family,
-    /// The image is the one that has EtherCAT and data points.
-    pub has_ethercat: bool,
+    /// Which of its images it runs.
+    pub(crate) image: Variant,
     /// First address and length of each memory that the program has, in their order.
     pub(crate) memories: &'static [(u32, u32)],
     /// First address and length of the program's part of the flash. Up to its end instructions are executed; what follows is a device.
@@ -44,7 +55,7 @@ pub(crate) const FLASH_BYTES: u32 = 0x20_0000;
 pub const NUCLEO_F429ZI: Board = Board {
     name: "nucleo_f429zi",
     family: Family::F4,
-    has_ethercat: true,
+    image: Variant::Ethercat,
     memories: &[(0x1000_0000, 0x1_0000), (0x2000_0000, 0x3_0000)],
     active: (0x0802_0000, 0x8_0000),
     update: 0x0812_0000,
@@ -58,7 +69,7 @@ pub const NUCLEO_F429ZI: Board = Board {
 pub const NUCLEO_F767ZI: Board = Board {
     name: "nucleo_f767zi",
     family: Family::F7,
-    has_ethercat: true,
+    image: Variant::Ethercat,
     memories: &[(0x2000_0000, 0x8_0000)],
     active: (0x0804_0000, 0x8_0000),
     update: 0x080c_0000,
@@ -72,7 +83,7 @@ pub const NUCLEO_F767ZI: Board = Board {
 pub const NUCLEO_H743ZI: Board = Board {
     name: "nucleo_h743zi",
     family: Family::H7,
-    has_ethercat: true,
+    image: Variant::Ethercat,
     memories: &[(0x2400_0000, 0x8_0000)],
     active: (0x0802_0000, 0x8_0000),
     update: 0x0810_0000,
@@ -86,7 +97,13 @@ impl Board {
     /// The same board with the smaller image.
     #[must_use]
     pub const fn without_ethercat(self) -> Self {
-        Self { has_ethercat: false, ..self }
+        Self { image: Variant::Smaller, ..self }
+    }
+
+    /// The same board with the image that has users and the audit trail.
+    #[must_use]
+    pub const fn with_users(self) -> Self {
+        Self { image: Variant::Users, ..self }
     }
 
     /// Length of that part of the flash from which instructions are executed.
@@ -113,6 +130,7 @@ pub(crate) enum Device {
     Dmamux,
     Spi,
     Ethernet,
+    Random,
     Debug,
     AxiTarget,
     Core,
@@ -150,6 +168,7 @@ const F: &[(u32, u32, Device)] = &[
     (0x4002_6000, 0x400, Device::Dma(0)),
     (0x4002_6400, 0x400, Device::Dma(1)),
     (0x4002_8000, 0x1400, Device::Ethernet),
+    (0x5006_0800, 0x400, Device::Random),
     (0xe004_2000, 0x400, Device::Debug),
     (0x1ff0_0000, 0x10_0000, Device::System),
 ];
@@ -161,6 +180,7 @@ const H: &[(u32, u32, Device)] = &[
     (0x4002_0400, 0x400, Device::Dma(1)),
     (0x4002_0800, 0x400, Device::Dmamux),
     (0x4002_8000, 0x1400, Device::Ethernet),
+    (0x4802_1800, 0x400, Device::Random),
     (0x5100_8000, 0x1000, Device::AxiTarget),
     (0x5200_2000, 0x400, Device::Flash),
     (0x5800_0000, 0x400, Device::Exti),

@@ -16,6 +16,9 @@ pub(crate) type Pin = (usize, u32);
 /// The PHY's clock: PA1.
 pub(crate) const REFERENCE_CLOCK: Pin = (0, 1);
 
+/// The user button, which connects its pin to 3.3 V: PC13.
+pub(crate) const BUTTON: Pin = (2, 13);
+
 /// Selects what is at the SPI: PD14. Interrupts: PD15.
 pub(crate) const SPI_SELECT: Pin = (3, 14);
 pub(crate) const SPI_INTERRUPT: Pin = (3, 15);

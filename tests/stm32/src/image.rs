@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use object::read::elf::{ElfFile32, ProgramHeader};
 use object::{Endianness, Object, ObjectSymbol, SymbolKind, elf};
 
-use crate::chip::Board;
+use crate::chip::{Board, Variant};
 
 /// A file that was built for a board, by what follows the board's name in its name.
 fn built(board: &Board, behind: &str) -> PathBuf {
@@ -62,7 +62,11 @@ impl Image {
             Self::read(&built(board, behind))
                 .map_err(|error| format!("{error}\nbuild it first: cargo xtask test stm32"))
         };
-        let program = if board.has_ethercat { "" } else { "-without-ethercat" };
+        let program = match board.image {
+            Variant::Ethercat => "",
+            Variant::Smaller => "-without-ethercat",
+            Variant::Users => "-with-users",
+        };
         let (mut program, boot) = (read(program)?, read("-boot")?);
         program.segments.extend(boot.segments);
         program.functions.extend(boot.functions);

@@ -9,7 +9,7 @@
 //! [`Machine::run`] lets the processor (`cpu`, `hooks`) execute instructions until something is due: a character's end, a compare of the
 //! timer, the end of an erasure. Then all peripherals do what is due (`bus`), DMA moves what follows from it, and interrupts are taken.
 //! A processor that sleeps lets time leap to the next event. Accesses to peripherals (`access`) go by their addresses (`chip`) to `rcc`, `flash` and
-//! its `cells`, `usart`, `dma`, `spi`, `ethernet`, `phy`, `timer`, `watchdog`, `gpio`, `exti` and `core`; registers that only keep
+//! its `cells`, `usart`, `dma`, `spi`, `ethernet`, `phy`, `timer`, `random`, `watchdog`, `gpio`, `exti` and `core`; registers that only keep
 //! what is written are a `bank`.
 //!
 //! # What is at the connectors
@@ -49,6 +49,7 @@ mod machine;
 mod mishaps;
 mod network;
 mod phy;
+mod random;
 mod rcc;
 mod spi;
 mod time;
@@ -67,5 +68,5 @@ pub use foe::FileRefusal;
 pub use image::{Image, update_file};
 pub use lines::{Sent, Uart, ends_with_prompt};
 pub use machine::{Machine, Stop};
-pub use network::{Client, Network};
+pub use network::{Client, Datagrams, Network, Sender};
 pub use rcc::Reset;

@@ -1,6 +1,7 @@
 //! What goes wrong with a board: power, clocks, a PHY that hangs, a program that was misled.
 
 use crate::chip::Family;
+use crate::gpio::{BUTTON, Drive};
 use crate::machine::Machine;
 
 impl Machine {
@@ -34,6 +35,16 @@ impl Machine {
     /// The PHY responds no more, and gives no clock from the next reset on.
     pub fn remove_phy(&mut self) {
         self.bus.borrow_mut().ethernet.phy.is_there = false;
+    }
+
+    /// The noise of which random numbers are made fails, or is there again.
+    pub fn spoil_noise(&mut self, fails: bool) {
+        self.bus.borrow_mut().random.is_spoilt = fails;
+    }
+
+    /// Presses the user button, or lets it go.
+    pub fn press_button(&mut self, is_pressed: bool) {
+        self.bus.borrow_mut().gpio.driven().insert(BUTTON, Drive::Level(is_pressed));
     }
 
     /// Plugs the Ethernet cable in or pulls it out.

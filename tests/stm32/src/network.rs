@@ -1,13 +1,14 @@
-//! A station at the other end of the board's Ethernet cable: a TCP/IP stack with Modbus TCP clients, on the board's clock.
+//! A station at the other end of the board's Ethernet cable: a TCP/IP stack with Modbus TCP clients and servers of datagrams, on the
+//! board's clock.
 
 use std::collections::VecDeque;
 use std::time::Duration;
 
 use smoltcp::iface::{Config, Interface, SocketHandle, SocketSet};
 use smoltcp::phy::{Device, DeviceCapabilities, Medium, RxToken, TxToken};
-use smoltcp::socket::tcp;
+use smoltcp::socket::{tcp, udp};
 use smoltcp::time::Instant;
-use smoltcp::wire::{EthernetAddress, HardwareAddress, IpAddress, IpCidr};
+use smoltcp::wire::{EthernetAddress, HardwareAddress, IpAddress, IpCidr, IpEndpoint};
 
 use crate::machine::{Machine, Stop};
 
@@ -76,6 +77,16 @@ pub struct Client {
     socket: SocketHandle,
 }
 
+/// A server of datagrams at the station.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Datagrams {
+    socket: SocketHandle,
+}
+
+/// Who has sent a datagram.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Sender(IpEndpoint);
+
 impl Network {
     /// A station with this address in a network of 256.
     pub fn new(address: [u8; 4]) -> Self {
@@ -137,6 +148,27 @@ impl Network {
             return Ok(client);
         }
         Err(Stop::Fault(format!("no connection; the program is {}", machine.place())))
+    }
+
+    /// Opens a UDP port.
+    pub fn datagrams(&mut self, port: u16) -> Datagrams {
+        let buffer = || udp::PacketBuffer::new(vec![udp::PacketMetadata::EMPTY; 8], vec![0; BUFFER_BYTES]);
+        let mut socket = udp::Socket::new(buffer(), buffer());
+        // It is new, and the port is not 0.
+        let _ = socket.bind(port);
+        Datagrams { socket: self.sockets.add(socket) }
+    }
+
+    /// The next datagram that a server has got, and by whom.
+    pub fn receive_datagram(&mut self, server: Datagrams) -> Option<(Vec<u8>, Sender)> {
+        let (bytes, from) = self.sockets.get_mut::<udp::Socket<'_>>(server.socket).recv().ok()?;
+        Some((bytes.to_vec(), Sender(from.endpoint)))
+    }
+
+    /// Sends a datagram from a server.
+    pub fn send_datagram(&mut self, server: Datagrams, bytes: &[u8], to: Sender) {
+        // Its buffer is larger than what is ever waiting.
+        let _ = self.sockets.get_mut::<udp::Socket<'_>>(server.socket).send_slice(bytes, to.0);
     }
 
     /// Whether bytes can be sent.

@@ -30,6 +30,8 @@ pub(crate) struct Clocks {
     pub(crate) timers: u64,
     /// Of the SPI.
     pub(crate) spi: u64,
+    /// Of the random numbers; zero if it stands still.
+    pub(crate) random: u64,
 }
 
 /// The registers of one of the two generations.
@@ -134,7 +136,11 @@ impl Rcc {
         };
         let core = system / ahb(bits(configuration, 4, 4));
         let (slow, fast) = (core / apb(bits(configuration, 10, 3)), core / apb(bits(configuration, 13, 3)));
-        Clocks { core, slow, fast, timers: if slow == core { slow } else { slow * 2 }, spi: fast }
+        let vco = source / u64::from(bits(pll, 0, 6).max(1)) * u64::from(bits(pll, 6, 9));
+        let divider = u64::from(bits(pll, 24, 4).max(1));
+        let random = if self.is_set(0, 25) { vco / divider } else { 0 };
+        let timers = if slow == core { slow } else { slow * 2 };
+        Clocks { core, slow, fast, timers, spi: fast, random }
     }
 
     fn clocks_h7(&self) -> Clocks {
@@ -156,7 +162,10 @@ impl Rcc {
         let bus = core / ahb(bits(read(0x18), 0, 4));
         let (slow, fast) = (bus / apb(bits(read(0x1c), 4, 3)), bus / apb(bits(read(0x1c), 8, 3)));
         let spi = vco / u64::from(bits(read(0x30), 16, 7) + 1);
-        Clocks { core, slow, fast, timers: if slow == bus { slow } else { slow * 2 }, spi }
+        // HSI48, unless D2CCIP2R chooses another one.
+        let random = if self.is_set(0, 13) && bits(read(0x54), 8, 2) == 0 { 48_000_000 } else { 0 };
+        let timers = if slow == bus { slow } else { slow * 2 };
+        Clocks { core, slow, fast, timers, spi, random }
     }
 }
 

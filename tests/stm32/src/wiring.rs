@@ -6,7 +6,7 @@ use crate::gpio::Pin;
 
 /// Register and bit of RCC that give a peripheral its clock; `offset` is that of the access.
 pub(crate) fn clock(family: Family, device: Device, offset: u32) -> Option<(u32, u32)> {
-    // Of AHB1, of the ports, of the slower and the faster bus.
+    // Of AHB1 (AHB2's is the next one), of the ports, of the slower and the faster bus.
     let [ahb, ports, slow, fast] =
         if family == Family::H7 { [0xd8, 0xe0, 0xe8, 0xf0] } else { [0x30, 0x30, 0x40, 0x44] };
     let h7 = family == Family::H7;
@@ -22,6 +22,7 @@ pub(crate) fn clock(family: Family, device: Device, offset: u32) -> Option<(u32,
         Device::Syscfg if h7 => (0xf4, 1),
         Device::Syscfg => (fast, 14),
         Device::Pwr if !h7 => (slow, 28),
+        Device::Random => (ahb + 4, 6),
         _ => return None,
     })
 }

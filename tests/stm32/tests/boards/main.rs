@@ -23,6 +23,7 @@ mod sb;
 mod settings;
 mod update_file;
 mod updates;
+mod users;
 mod without_ethercat;
 mod ymodem;
 

@@ -10,7 +10,7 @@ use crate::{on_each_board, set_up, started};
 on_each_board!(the_stack_has_room);
 
 /// Bytes that are never touched.
-const ROOM_BYTES: usize = 2048;
+pub(crate) const ROOM_BYTES: usize = 2048;
 
 fn the_stack_has_room(board: Board) {
     let mut machine = started(board);

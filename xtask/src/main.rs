@@ -70,7 +70,7 @@ enum Task {
     Arm,
     /// Builds the Debian package
     Deb,
-    /// Runs the emulated board among devices: `qemu figures` measures it, `qemu soak N` loads it
+    /// Runs the emulated board among devices: `qemu figures` and `qemu roles` measure it, `qemu soak N` loads it
     #[command(disable_help_flag = true)]
     Qemu(Words),
     /// Sends so many random packets at each stage of a connection by SSH to the emulated board

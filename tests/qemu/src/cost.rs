@@ -24,6 +24,8 @@ pub(crate) const SETTLED: Duration = Duration::from_millis(60);
 pub(crate) const INSTRUCTIONS_PER_TICK: f64 = 40.0 / 64.0;
 /// Most instructions for a byte that is passed on.
 const PER_BYTE_MAX: f64 = 60.0;
+/// Most instructions that roles add.
+const ROLE_PATH_MAX: f64 = 20.0;
 /// Registers of a short frame and of a long one, both passed on while they arrive, and times that each is measured.
 const FEW_REGISTERS: u8 = 20;
 const MANY_REGISTERS: u8 = 120;
@@ -61,6 +63,20 @@ pub fn ssh_session() {
     };
     let bytes = size("::ssh::session::POOL") / SSH_SESSIONS + size("::network::start::BUFFERS") / SOCKETS;
     figure("qemu_ssh_session_ram", bytes, "bytes", Target::AtMost(budget("ssh_session")));
+}
+
+/// Prints the instructions that roles in rules add to a transaction by rules without one: by two images in one run.
+pub fn roles(folder: &Path) {
+    let [without, with] = [Image::Usual, Image::Roles].map(|image| {
+        let options = Options { counts_instructions: true, image, ..Options::default() };
+        let machine = Machine::start(folder, options);
+        let bus = Bus::new([1, 2]);
+        machine.wire(1, &bus);
+        let (mut figures, mut client) = (machine.figures(), machine.client());
+        typical(&mut figures, TRIALS, || drop(client.read(1, 0, 10))).all
+    });
+    figure("role_path_transaction_instructions", with, "instructions", Target::None);
+    figure("role_path_instructions", with - without, "instructions", Target::AtMost(ROLE_PATH_MAX));
 }
 
 /// Prints the instructions of a transaction and of a byte that is passed on; gives those of a transaction.

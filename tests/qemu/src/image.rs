@@ -18,6 +18,8 @@ pub enum Image {
     Usual,
     /// The console by SSH, too.
     Ssh,
+    /// Roles in rules, which nothing gives to a client there.
+    Roles,
 }
 
 /// The usual image of the QEMU board.
@@ -32,6 +34,7 @@ impl Image {
         let (name, features): (_, &[&str]) = match self {
             Self::Usual => ("mobgate-qemu-mps2-usual", &[]),
             Self::Ssh => ("mobgate-qemu-mps2-ssh", &["--features", "ssh"]),
+            Self::Roles => ("mobgate-qemu-mps2-roles", &["--features", "roles"]),
         };
         let folder = root().join("target/thumb/thumbv7em-none-eabihf/release");
         let file = folder.join(name);

@@ -1,5 +1,6 @@
 //! `cargo xtask qemu` runs the gateway on an emulated board with devices on its lines; `cargo xtask qemu figures` measures it,
-//! `cargo xtask qemu soak N` runs N transactions mixed with resets.
+//! `cargo xtask qemu roles` measures what roles in rules cost where no rule has one, `cargo xtask qemu soak N` runs N transactions mixed
+//! with resets.
 
 use std::io::Write;
 use std::process::ExitCode;
@@ -19,11 +20,12 @@ fn main() -> ExitCode {
             shift::figures(folder.path(), instructions);
             shift::passed_on(folder.path());
         }
+        ["roles"] => cost::roles(folder.path()),
         ["soak", count] if count.parse::<u64>().is_ok() => {
             soak::run(folder.path(), count.parse().unwrap_or_default());
         }
         _ => {
-            eprintln!("usage: cargo xtask qemu [figures | soak TRANSACTIONS]");
+            eprintln!("usage: cargo xtask qemu [figures | roles | soak TRANSACTIONS]");
             return ExitCode::FAILURE;
         }
     }

@@ -9,11 +9,14 @@ use embassy_time::Duration;
 use heapless::String;
 
 use super::changed::Changed;
+// As what uses it.
 use super::listed::keywords;
 use super::point_checks::{check_others, existing_point};
 use super::point_problem::PointProblem;
 use super::points::{usual_reading, usual_type};
 use super::problem::Problem;
+#[cfg(feature = "web")]
+use super::shape::Shape;
 use super::values::{is_name, medium, parse_number, small, time};
 use super::words::{Word, Words, Wrong};
 use crate::scanner::{ByteOrder, Device, Kind, Modicon, Reading, RegisterBit, ValueType, Writing};
@@ -99,6 +102,27 @@ pub(crate) fn keywords(each: &mut dyn FnMut(&'static str)) {
     ["of", "quality"].into_iter().for_each(&mut *each);
     KINDS.iter().for_each(|&(keyword, _)| each(keyword));
     TYPES.iter().for_each(|&(keyword, _)| each(keyword));
+}
+
+/// Passes the options of a device and their types, or those of a point.
+// Only the web interface has settings by name.
+#[cfg(feature = "web")]
+pub(crate) fn members(of_point: bool, each: &mut dyn FnMut(&'static str, Shape)) {
+    let tables = if of_point { [POINT_KEYS, LOCAL_KEYS] } else { [DEVICE_KEYS, &[]] };
+    let [first, second] = tables;
+    let is_new = |(keyword, _): &&(&str, Key)| !first.iter().any(|(known, _)| known == keyword);
+    for &(keyword, key) in first.iter().chain(second.iter().filter(is_new)) {
+        let shape = match key {
+            Key::Check | Key::Multiple => Shape::Flag,
+            Key::Unit => Shape::Number(1, 255),
+            Key::Count => Shape::Number(1, 1_968),
+            Key::Bit => Shape::Number(0, RegisterBit::ALL.len() as u32 - 1),
+            Key::Quality => Shape::Number(0, 0xfffe),
+            Key::Label => Shape::Quoted,
+            Key::Order | Key::As | Key::Read | Key::Write | Key::Of => Shape::Text,
+        };
+        each(keyword, shape);
+    }
 }
 
 /// The keywords a line has had so far.

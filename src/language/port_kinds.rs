@@ -9,10 +9,16 @@ use super::port_keys::{Key, Keys, Keywords, UNIT_KEYS};
 #[cfg(feature = "web")]
 use super::port_keywords::HTTP;
 use super::port_keywords::{ETHERCAT, NONE, SERIAL, SSH_SERVER, TCP_CLIENT, TCP_SERVER, UDP_SERVER};
+// As what uses them.
 use super::port_values::{device, server_address};
 use super::problem::Problem;
 use super::values::{listen, parse_number};
 use super::words::{Word, Words, Wrong};
+#[cfg(feature = "web")]
+use super::{
+    port_limits::BAUD,
+    shape::{KIND, Member, NAME, Shape},
+};
 use crate::scanner::POINTS;
 // As above.
 #[cfg(feature = "web")]
@@ -58,6 +64,39 @@ const SIDES: &[(&str, Side)] =
 pub(crate) fn is_kind(word: Word) -> bool {
     word.lookup(MEDIA).is_some()
 }
+
+/// A kind of port for interfaces with settings by name: how its line begins behind the name, its columns, and the shortest line of it.
+// Only the web interface has them.
+#[cfg(feature = "web")]
+pub(crate) type Line = (&'static str, &'static [Member], &'static str);
+
+#[cfg(feature = "web")] // As above.
+const LISTEN_COLUMNS: &[Member] = &[NAME, KIND, ("listen", Shape::Text)];
+
+/// All kinds of port. What this image lacks is refused by [`new_port`].
+#[cfg(feature = "web")] // As above.
+pub(crate) const LINES: &[Line] = &[
+    (
+        "serial",
+        &[
+            NAME,
+            KIND,
+            ("device", Shape::Text),
+            ("framing", Shape::Text),
+            ("side", Shape::Text),
+            ("baud", Shape::Number(*BAUD.start(), *BAUD.end())),
+            ("format", Shape::Text),
+        ],
+        "serial -",
+    ),
+    ("tcp server", LISTEN_COLUMNS, "tcp server 1"),
+    ("tcp client", &[NAME, KIND, ("address", Shape::Text)], "tcp client 127.0.0.1"),
+    ("udp server", LISTEN_COLUMNS, "udp server 1"),
+    ("http server", LISTEN_COLUMNS, "http server 1"),
+    ("ssh server", LISTEN_COLUMNS, "ssh server 1"),
+    ("ethercat", &[NAME, KIND], "ethercat"),
+    ("scanner", &[NAME, KIND], "scanner"),
+];
 
 /// Parses the kind of a new port, up to the device or address.
 pub(crate) fn new_port<'a>(words: &'a Words) -> Result<(PortKind, Word<'a>), Wrong> {

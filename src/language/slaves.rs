@@ -7,10 +7,13 @@ use core::fmt::{self, Display};
 use embassy_time::Duration;
 
 use super::changed::Changed;
+// As what uses it.
 use super::option::option;
 use super::point_problem::PointProblem;
 use super::point_words::{ORDERS, ORDERS_EXPECTED, PERIOD, TYPES, TYPES_EXPECTED, whole_ms};
 use super::problem::Problem;
+#[cfg(feature = "web")]
+use super::shape::Shape;
 use super::values::{medium, number, small};
 use super::words::{Word, Words, Wrong};
 use crate::scanner::{ByteOrder, Kind, ValueType};
@@ -44,6 +47,16 @@ const ON_SILENCE: &[(&str, OnSilence)] =
 /// Calls `each` with the keywords that only these lines use.
 pub(crate) fn keywords(each: &mut dyn FnMut(&'static str)) {
     ["on-silence", "substitute"].into_iter().for_each(each);
+}
+
+/// Calls `each` with the keywords of the line and their types.
+// Only the web interface has settings by name.
+#[cfg(feature = "web")]
+pub(crate) fn members(each: &mut dyn FnMut(&'static str, Shape)) {
+    each("unit", Shape::Number(1, 247));
+    for &(keyword, key) in KEYS {
+        each(keyword, if key == Key::Check { Shape::Flag } else { Shape::Text });
+    }
 }
 
 /// Parses a device up to the end of the line, and stores it.

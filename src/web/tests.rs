@@ -77,6 +77,8 @@ fn check(settings: &Settings) {
 }
 
 proptest! {
+    // Each validates and parses up to a hundred lines.
+    #![proptest_config(ProptestConfig::with_cases(64))]
     #[test]
     fn any_settings_as_json_fit_the_schema_and_are_the_printed_lines(settings in any_settings()) {
         check(&settings);
@@ -89,7 +91,7 @@ fn each_kind_of_line_is_there_by_names_with_types() {
     check(&settings);
     let value: Value = serde_json::from_str(&as_json(&settings)).unwrap();
     let port = json!({"name": "P1", "kind": "serial", "device": "/dev/ttyUSB0", "framing": "rtu", "side": "client",
-        "baud": 19200, "format": "8E1", "retries": 3, "proof": "read holding 0 count 2 for 20-29"});
+        "baud": 19200, "format": "8E1", "retries": 3, "proof": "auto, read holding 0 count 2 for 20-29"});
     assert_eq!(value["port"][0], port);
     let route = json!({"source": "P1", "units": "1-64", "from": "*", "tag": "*", "destination": "many",
         "functions": "3,4,16", "merge": "near 8", "priority": "high"});

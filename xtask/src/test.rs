@@ -91,9 +91,8 @@ pub(crate) fn run_all(suites: &[Suite], install: bool) -> Outcome {
             let tests = ["--package", "mobgate-linux", "--test", "browser", "--test", "web"];
             run(cargo("test", &tests).args(["--", "--nocapture", "in_a_browser", "the_page"]))
         }
-        // Optimised, because a debug build takes a quarter of an hour.
         Suite::Torture => {
-            let tests = ["--profile", "torture", "--test", "gateway", "--test", "ethercat", "torture"];
+            let tests = ["--test", "gateway", "--test", "ethercat", "torture"];
             run(cargo("test", &tests)
                 .args(["--", "--nocapture", "--test-threads=2"])
                 .env("MOBGATE_SEEDS", "4000"))

@@ -56,7 +56,8 @@ pub(crate) struct Web {
     pub(crate) turns: Turns,
     /// Connections held for live values.
     live: AtomicU8,
-    /// Stops the command that takes a while: there is one at a time, because it has the turn for direct requests.
+    /// Stops the long command, `scan` or `tune`. One signal is enough: a long command holds the turn for direct requests, so only one
+    /// runs at a time, and `reset` at its start drops a stop that was meant for the one before.
     pub(crate) stop: Signal<CriticalSectionRawMutex, ()>,
 }
 

@@ -61,7 +61,11 @@ pub(crate) fn run_all(suites: &[Suite], install: bool) -> Outcome {
     if !groups.is_empty() {
         install::all(&groups, install)?;
     }
-    suites.iter().try_for_each(|suite| match suite {
+    suites.iter().try_for_each(|suite| run_one(*suite))
+}
+
+fn run_one(suite: Suite) -> Outcome {
+    match suite {
         Suite::Workspace => {
             run(&mut cargo("test", &["--workspace"]))?;
             // The feature set of boards without EtherCAT, plus IPv6: no data points, no captures.
@@ -107,7 +111,7 @@ pub(crate) fn run_all(suites: &[Suite], install: bool) -> Outcome {
                 &["chip_resets", "the_suite_passes", "statement_58", "statement_39", "thirty_two"],
             )
         }
-    })
+    }
 }
 
 /// cargo for the emulator of the STM32 boards, a workspace of its own.

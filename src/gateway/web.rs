@@ -61,7 +61,8 @@ pub(crate) struct Web {
     held: [AtomicU8; 2],
     /// The errors of units in the last hour.
     pub(crate) hour: Hour,
-    /// Stops the command that takes a while: there is one at a time, because it has the turn for direct requests.
+    /// Stops the long command, `scan` or `tune`. One signal is enough: a long command holds the turn for direct requests, so only one
+    /// runs at a time, and `reset` at its start drops a stop that was meant for the one before.
     pub(crate) stop: Signal<CriticalSectionRawMutex, ()>,
 }
 

@@ -6,13 +6,13 @@
 use core::fmt;
 
 use super::port_keys::UNIT_KEYS;
-use super::port_kinds::{LINES, Line, new_port};
+use super::port_kinds::new_port;
 pub(crate) use super::shape::Shape;
 use super::shape::{KIND, Member, NAME};
 use super::words::Words;
 use super::{own_network, point_words, route_words, servers, slaves};
 use crate::scanner::POINTS;
-use crate::settings::{AUDIT, PortKind, SERVERS, SLAVES_MAX, TLS, USERS, UnitPolicy};
+use crate::settings::{AUDIT, BAUD, PortKind, SERVERS, SLAVES_MAX, TLS, USERS, UnitPolicy};
 
 /// The lines of a verb, or of one kind of port.
 #[derive(Clone, Copy)]
@@ -41,6 +41,35 @@ const ROUTE: &[Member] =
     &[("source", TEXT), ("units", TEXT), ("from", TEXT), ("tag", TEXT), ("destination", TEXT)];
 const POINT: &[Member] = &[NAME, ("at", TEXT), ("table", TEXT), ("address", Shape::Number(0, 0xffff))];
 const SLAVE: &[Member] = &[("number", Shape::Number(0, SLAVES_MAX.saturating_sub(1) as u32))];
+
+/// A kind of port: how its line begins behind the name, its columns, and the shortest line of it.
+type Line = (&'static str, &'static [Member], &'static str);
+
+const LISTEN: &[Member] = &[NAME, KIND, ("listen", TEXT)];
+
+/// All kinds of port. What this image lacks is refused by [`new_port`].
+const PORTS: &[Line] = &[
+    (
+        "serial",
+        &[
+            NAME,
+            KIND,
+            ("device", TEXT),
+            ("framing", TEXT),
+            ("side", TEXT),
+            ("baud", Shape::Number(*BAUD.start(), *BAUD.end())),
+            ("format", TEXT),
+        ],
+        "serial -",
+    ),
+    ("tcp server", LISTEN, "tcp server 1"),
+    ("tcp client", &[NAME, KIND, ("address", TEXT)], "tcp client 127.0.0.1"),
+    ("udp server", LISTEN, "udp server 1"),
+    ("http server", LISTEN, "http server 1"),
+    ("ssh server", LISTEN, "ssh server 1"),
+    ("ethercat", &[NAME, KIND], "ethercat"),
+    ("scanner", &[NAME, KIND], "scanner"),
+];
 
 const fn form(verb: &'static str, columns: &'static [Member], options: Options) -> Form {
     Form { verb, kind: None, columns, open: false, options }
@@ -89,7 +118,7 @@ fn of_network(keyword: &str) -> Shape {
 
 /// The forms of this image's lines, in the order in which they are printed.
 pub(crate) fn forms() -> impl Iterator<Item = Form> {
-    let all = BEFORE_PORTS.iter().copied().chain(LINES.iter().map(port)).chain(AFTER_PORTS.iter().copied());
+    let all = BEFORE_PORTS.iter().copied().chain(PORTS.iter().map(port)).chain(AFTER_PORTS.iter().copied());
     all.filter(|form| match form.options {
         Options::OfPort(example) => new_port(&Words::new(example)).is_ok(),
         Options::Each(_) => match form.verb {

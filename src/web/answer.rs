@@ -280,7 +280,7 @@ fn next_of_diff(
         Part::Rule(nth, is_one) => return next_of_rules(gateway, (*nth, *is_one), part, out),
         Part::Over => return Ok(false),
     };
-    // It was there before; without it, nothing differs any more.
+    // The candidate may be gone since the check; then nothing differs.
     let candidate = gateway.candidate().and_then(|candidate| candidate.settings().ok());
     let next = candidate.as_ref().and_then(|new| gateway.settings(|in_force| diff.next(in_force, new)));
     if let Some((sign, line)) = next {

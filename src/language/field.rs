@@ -9,10 +9,9 @@ use heapless::Vec;
 #[cfg(feature = "tls")]
 use super::certificates::certificate_name;
 use super::ethercat::ON_LOSS;
-// As what uses it.
 use super::option::list;
 use super::port_values::{device, format, interface, meaning, prefixes, reserved_for, server_address};
-#[cfg(feature = "web")]
+#[cfg(feature = "web")] // As what uses it.
 use super::shape::Shape;
 use super::values::{listen, name, number, time};
 use super::words::{Word, Words, Wrong};

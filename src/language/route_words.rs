@@ -4,10 +4,9 @@ use core::ops::RangeInclusive;
 
 use embassy_time::Duration;
 
-// As what uses it.
 use super::listed::keywords;
 use super::problem::Problem;
-#[cfg(feature = "web")]
+#[cfg(feature = "web")] // As what uses it.
 use super::shape::Shape;
 use super::values::{parse_number, prefix, small, span, time};
 use super::words::{Word, Words, Wrong};

@@ -5,12 +5,11 @@
 use core::fmt::{self, Display};
 
 use super::changed::Changed;
-// As what uses it.
 use super::option::option;
 use super::port_values::server_address;
 use super::problem::Problem;
 use super::route_words;
-#[cfg(feature = "web")]
+#[cfg(feature = "web")] // As what uses it.
 use super::shape::Shape;
 use super::words::{Word, Words, Wrong};
 use crate::settings::{

@@ -1,5 +1,7 @@
 //! The types of values in lines of settings, for interfaces that have them by name.
 
+use core::ops::RangeInclusive;
+
 /// The type of a value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Shape {
@@ -11,6 +13,13 @@ pub(crate) enum Shape {
     Text,
     /// Text in quotes.
     Quoted,
+}
+
+impl Shape {
+    /// A number within `limits`.
+    pub(crate) fn number<N: Copy + Into<u32>>(limits: RangeInclusive<N>) -> Self {
+        Self::Number((*limits.start()).into(), (*limits.end()).into())
+    }
 }
 
 /// The name of a column, or a keyword, and the type of its value.

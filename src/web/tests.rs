@@ -83,9 +83,9 @@ fn fits(value: &Value, schema: &Value) -> bool {
         "anyOf" => of.as_array().unwrap().iter().any(|one| fits(value, one)),
         "items" => value.as_array().is_none_or(|items| items.iter().all(|item| fits(item, of))),
         "required" => of.as_array().unwrap().iter().all(|name| value.get(name.as_str().unwrap()).is_some()),
-        "properties" => value
-            .as_object()
-            .is_none_or(|members| members.iter().all(|(name, value)| of.get(name).is_none_or(|of| fits(value, of)))),
+        "properties" => value.as_object().is_none_or(|members| {
+            members.iter().all(|(name, value)| of.get(name).is_none_or(|of| fits(value, of)))
+        }),
         "additionalProperties" => {
             assert_eq!(of, &json!(false));
             let known = &schema["properties"];
@@ -169,6 +169,6 @@ fn members_may_come_in_any_order_and_wrong_ones_are_named() {
         json!({"rout": []}),
         json!({"slave": [{"number": "0", "unit": 1}]}),
     ] {
-        assert!(!VALIDATOR.is_valid(&wrong), "{wrong}");
+        assert!(!fits(&wrong, &SCHEMA), "{wrong}");
     }
 }

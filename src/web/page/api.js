@@ -83,7 +83,7 @@ export function follow() {
         take(status);
       }, () => {});
       if (events === source && app.user) follow();
-    }, 1500);
+    }, 2000);
   };
 }
 

@@ -29,7 +29,7 @@ pub use clocked::{Clocked, note_pulses};
 pub use echo::{Echo, SharedEcho, image, sequence};
 pub use faulty::{BusFaults, Counted, Counts, Faulty};
 #[cfg(feature = "ethercrab")] // As above.
-pub use in_step::{InStep, StepSetup, exchange_in_step, in_step};
+pub use in_step::{InStep, StepGroup, StepSetup, exchange_in_step, in_step};
 pub use paced::Paced;
 #[cfg(feature = "ethercrab")] // As above.
 pub use start::{

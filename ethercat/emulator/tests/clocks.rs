@@ -9,7 +9,7 @@ use ethercat_subdevice::application::Application;
 use ethercat_subdevice::sub_device::SubDevice;
 
 /// `cargo xtask bench ethercat` has more.
-const CYCLES: u64 = 2_000;
+const CYCLES: u64 = 1_000;
 const CYCLE_NS: u32 = 1_000_000;
 
 /// Writes the SYNC unit's settings; the first pulse comes after `delay_ms`.

@@ -343,7 +343,7 @@ fn candidates(caller: &mut Caller) {
     for (path, method) in [(candidate, "GET"), (candidate, "DELETE"), ("settings/diff", "GET")] {
         caller.call(path, method, "", 409);
     }
-    settings_as_json(&mut caller);
+    settings_as_json(caller);
     caller.call("settings/commit", "POST", "{}", 409);
     caller.call("settings/confirm", "POST", "", 409);
     caller.call("settings/rollback", "POST", "", 409);

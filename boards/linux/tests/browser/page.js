@@ -170,7 +170,7 @@ async function more(context) {
     const line = (await (await fetch("/api/v1/status")).json()).ports.find((port) => port.role === "rtu client").port;
     const call = async (path, kind, body) => (await fetch(`/api/v1/${path}`, { method: "POST", headers: { "Content-Type": kind }, body })).status;
     return [
-      await call("settings/candidate", "text/plain", `port fieldbus ethercat line ${line}\nslave 0 unit 1 holding 0 count 2`),
+      await call("settings/candidate", "text/plain", `port fieldbus ethercat interface ecat9 line ${line}\nslave 0 unit 1 holding 0 count 2`),
       await call("settings/commit", "application/json", "{}"),
       await call("ping", "application/json", JSON.stringify({ port: line, unit: 77 })),
     ];

@@ -7,6 +7,8 @@ use crate::language::apply;
 use crate::settings::Settings;
 
 /// Why nothing was changed.
+// Passed on once, and there is no heap for the larger one.
+#[allow(clippy::large_enum_variant)]
 pub(super) enum Unchanged {
     Untaken(Untaken),
     Uncommitted(Uncommitted),

@@ -28,6 +28,8 @@ pub(super) enum Lines<'b> {
 }
 
 /// Why lines were not taken.
+// Passed on once, and there is no heap for the larger one.
+#[allow(clippy::large_enum_variant)]
 #[derive(Debug, thiserror::Error)]
 pub(super) enum Untaken {
     /// This line, by its number from 1, has an error.

@@ -91,7 +91,7 @@ fn transactions(pages: u8) -> (f64, u32) {
             });
         }
         world.run_for(RUN);
-        (f64::from(device.counters().requests[3]), events.get())
+        (device.counters().requests[3] as f64, events.get())
     })
 }
 

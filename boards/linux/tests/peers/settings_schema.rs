@@ -11,7 +11,7 @@ port udp udp server 127.0.0.1:{port}
 port line serial /dev/none rtu client 19200 8E1 retries 3 proof read holding 0 count 2 for 20-29
 port poll scanner
 server many unit 1-5 at 127.0.0.1:1 tag +10
-route P502 1-64 * * one functions 3,4,16 merge near 8 priority high readonly
+route P502 1-64 * * one functions 3,4,16 merge near 8 priority high
 device meter unit 5 order 2301 label \"Boiler # 2\"
 point power meter holding 0 count 2 as f32 read high
 point lamps local coil 0 count 12

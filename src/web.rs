@@ -4,7 +4,7 @@
 //! which do what the console's commands do, by the same tables, candidate and direct requests. What they return is an
 //! `answer`, sent row by row. The framing is picoserve's, over the board's streams.
 
-// A refusal is an answer, which is as large as any: there is no heap.
+// A refusal is a whole answer, as large as any other, because there is no heap.
 #![allow(clippy::result_large_err)]
 
 mod answer;
@@ -15,12 +15,16 @@ mod commands;
 mod guard;
 mod job;
 mod json;
+mod lines;
 // Replaced by a stub in images without the page.
 #[cfg_attr(not(feature = "page"), path = "web/no_page.rs")]
 mod page;
 mod piece;
 mod session;
+mod settings;
 mod status;
+#[cfg(test)]
+mod tests;
 mod transport;
 
 use core::cell::Cell;
@@ -43,7 +47,7 @@ use crate::stats::Event;
 
 /// Pause after a failed accept.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(200);
-/// A connection is closed at this age: the longest wait for a device's response, and some time for both ways. Longer work puts it off.
+/// A connection is closed at this age: the longest response time-out, and a margin. Longer work extends it.
 const AGE_MAX: Duration = Duration::from_secs(140);
 
 /// A request must begin, and must have arrived, within these times; a piece of the response must be taken within the last one.
@@ -53,7 +57,7 @@ const TIMEOUTS: Timeouts = Timeouts {
     read_request: time::Duration::from_secs(5),
     write: time::Duration::from_secs(5),
 };
-/// One request each, so that nobody keeps others from a connection.
+/// One request per connection, so that nobody blocks others.
 const CONFIG: Config = Config::new(TIMEOUTS).close_connection_after_response();
 
 /// No user can log in yet.
@@ -117,9 +121,15 @@ pub async fn run<H: TcpHost, S: Store, Y: System>(
                 changed.wait().await;
             }
         };
-        match select(moved, accept(gateway, port_state, &port, host)).await {
+        let marked = async {
+            loop {
+                gateway.web.hour.mark(Instant::now(), gateway.port_states());
+                Timer::at(gateway.web.hour.due()).await;
+            }
+        };
+        match select(select(moved, marked), accept(gateway, port_state, &port, host)).await {
             // All tasks release the listener before a new one is opened.
-            Either::First(()) => yield_now().await,
+            Either::First(_) => yield_now().await,
             Either::Second(Ok((stream, peer))) => {
                 serve(gateway, port.id, stream, peer, (&mut *store, system)).await;
             }
@@ -148,7 +158,7 @@ async fn accept<'h, H: TcpHost>(
     host.accept(&port.listen).await
 }
 
-/// Waits until a time that may be put off.
+/// Waits until a time that may be extended.
 async fn until(end: &Cell<Instant>) {
     while Instant::now() < end.get() {
         Timer::at(end.get()).await;

@@ -98,6 +98,10 @@ impl Default for SyncSignals {
     }
 }
 
+/// Synchronisation types at SYNC0 and SYNC1, in 1C32h:04 and 1C33h:04.
+pub(crate) const SYNC0_TYPE: u32 = 1 << 2;
+pub(crate) const SYNC1_TYPE: u32 = 1 << 3;
+
 /// What a device can do at SYNC signals.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Offer {

@@ -3,11 +3,11 @@
 use crate::application::Application;
 use crate::assignment::{Assignment, Pdos};
 use crate::catalogue::Catalogue;
-use crate::clocks::{Cycle, Offer};
+use crate::clocks::{Cycle, Offer, SYNC0_TYPE, SYNC1_TYPE};
 use crate::coe::abort::Abort;
 use crate::device::Device;
 use crate::object::{Object, PDOS_SELECTED_MAX};
-use crate::standard::{RESET_COUNTERS, SYNC_TYPES, SYNC0_TYPE, SYNC1_TYPE};
+use crate::standard::{RESET_COUNTERS, SYNC_TYPES};
 use crate::sync_manager::Channel;
 
 /// The parts of an assignment that need the objects.

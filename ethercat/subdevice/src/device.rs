@@ -1,10 +1,9 @@
 //! Describes a device: its identity, its memory, and its objects. All information for MainDevices comes from here.
 
-use crate::clocks::Offer;
+use crate::clocks::{Offer, SYNC0_TYPE, SYNC1_TYPE};
 use crate::diagnosis::Text;
 use crate::foe::FileAccess;
 use crate::object::{Access, Entries, Object};
-use crate::standard::{SYNC0_TYPE, SYNC1_TYPE};
 use crate::sync_manager::{Channel, MemoryPlan};
 
 /// The description of a SubDevice.

@@ -1,5 +1,6 @@
 //! The standard objects of devices with a mailbox (ETG.1000.6, clause 5.6.7; ETG.1020).
 
+use crate::clocks::{SYNC0_TYPE, SYNC1_TYPE};
 use crate::device::Identity;
 use crate::diagnosis::{FIRST_MESSAGE, MESSAGE_BYTES, MESSAGES};
 use crate::object::{Access, DataType, Entries, Entry, Object, Value};
@@ -92,9 +93,6 @@ pub const fn tx_assignment(initial: &'static [u16], access: Access) -> Object {
 
 /// Supported synchronisation types: free run (bit 0) and SyncManager event (bit 1).
 pub(crate) const SYNC_TYPES: u32 = 0b11;
-/// The same, and distributed clocks.
-pub(crate) const SYNC0_TYPE: u32 = 1 << 2;
-pub(crate) const SYNC1_TYPE: u32 = 1 << 3;
 /// Writing 2 to 1C32h:08 or 1C33h:08 resets the counters of that object.
 pub const RESET_COUNTERS: u16 = 2;
 

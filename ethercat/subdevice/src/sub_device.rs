@@ -25,7 +25,6 @@ use crate::mailbox::Mailbox;
 use crate::process::{INPUTS_BYTES, Images, OUTPUTS_BYTES};
 use crate::registers::{AL_EVENT_MASK, Events};
 use crate::sync_manager::Channel;
-use clocked::Woken;
 
 /// How long Op waits for the first outputs.
 pub const OUTPUTS_WAIT: Duration = Duration::from_millis(1_000);
@@ -40,6 +39,18 @@ const EMERGENCY_PAUSE: Duration = Duration::from_millis(20);
 pub const LOOK_INTERVAL: Duration = Duration::from_millis(50);
 /// Most passes in a row, whatever a MainDevice does meanwhile.
 const PASSES_MAX: usize = 64;
+
+/// Why the SubDevice wakes up.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Woken {
+    /// By the controller's interrupt.
+    Interrupt,
+    /// By a SYNC signal.
+    Pulse,
+    /// Something else is due.
+    Time,
+}
+
 /// Pause before a failed controller is restarted.
 pub const RESTART_PAUSE: Duration = Duration::from_millis(10);
 

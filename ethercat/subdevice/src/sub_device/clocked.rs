@@ -3,23 +3,12 @@
 use embassy_futures::select::{Either3, select, select3};
 use embassy_time::{Duration, Instant, Timer};
 
-use super::SubDevice;
+use super::{SubDevice, Woken};
 use crate::al_state::{AlState, AlStatusCode};
 use crate::application::Application;
 use crate::clocks::{Cycle, Ended, Offer, SyncSignals};
 use crate::esc::{Esc, EscError};
 use crate::sync_manager::Channel;
-
-/// Why the SubDevice wakes up.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Woken {
-    /// By the controller's interrupt.
-    Interrupt,
-    /// By a SYNC signal.
-    Pulse,
-    /// Something else is due.
-    Time,
-}
 
 impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevice<E, A, OUTPUTS, INPUTS> {
     /// The same with the SYNC signals at the processor's pins. Without them distributed clocks are refused, whatever the device's

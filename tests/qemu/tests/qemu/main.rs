@@ -6,6 +6,8 @@ mod audit;
 mod board;
 mod clients;
 mod ethercat;
+#[path = "../../../../boards/linux/tests/ssh/openssh_client.rs"]
+mod openssh_client;
 #[path = "../../../../boards/linux/tests/ssh/payload.rs"]
 mod payload;
 mod points;

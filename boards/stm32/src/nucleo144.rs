@@ -107,7 +107,18 @@ pub async fn run(spawner: Spawner, info: &'static Info, p: Peripherals) -> ! {
     crate::ethercat::start(
         spawner,
         crate::ethercat::Wires::new(
-            p.SPI1, p.PA5, p.PB5, p.PA6, p.DMA2_CH3, p.DMA2_CH0, p.PD14, p.PD15, p.EXTI15, Interrupts,
+            p.SPI1,
+            p.PA5,
+            p.PB5,
+            p.PA6,
+            p.DMA2_CH3,
+            p.DMA2_CH0,
+            p.PD14,
+            p.PD15,
+            p.EXTI15,
+            (p.PF12, p.EXTI12),
+            (p.PF13, p.EXTI13),
+            Interrupts,
         ),
     );
     // One bank, see `flash`.

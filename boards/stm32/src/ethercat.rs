@@ -50,22 +50,19 @@ pub(crate) struct Wires {
     sync1: ExtiInput<'static, Async>,
 }
 
+/// SPI1 with its clock, output and input.
+type Spi1 = (Peri<'static, SPI1>, Peri<'static, PA5>, Peri<'static, PB5>, Peri<'static, PA6>);
+/// Its channels to transmit and to receive.
+type Channels = (Peri<'static, DMA2_CH3>, Peri<'static, DMA2_CH0>);
+/// A pin whose edges interrupt.
+type Signal<P, C> = (Peri<'static, P>, Peri<'static, C>);
+
 impl Wires {
-    /// SPI1 with DMA in mode 0, the chip select, the interrupt pin, and the pins of the SYNC signals. `interrupts` comes from `bind_interrupts!`. If no controller
-    /// drives MISO, all bits read as ones.
-    #[expect(clippy::too_many_arguments, reason = "pins and channels, each of its own type")]
+    /// SPI1 with DMA in mode 0 and the chip select; the interrupt pin and those of SYNC0 and SYNC1. `interrupts` comes from
+    /// `bind_interrupts!`. If no controller drives MISO, all bits read as ones.
     pub(crate) fn new(
-        spi: Peri<'static, SPI1>,
-        clock: Peri<'static, PA5>,
-        output: Peri<'static, PB5>,
-        input: Peri<'static, PA6>,
-        transmit: Peri<'static, DMA2_CH3>,
-        receive: Peri<'static, DMA2_CH0>,
-        select: Peri<'static, PD14>,
-        interrupt: Peri<'static, PD15>,
-        channel: Peri<'static, EXTI15>,
-        sync0: (Peri<'static, PF12>, Peri<'static, EXTI12>),
-        sync1: (Peri<'static, PF13>, Peri<'static, EXTI13>),
+        ((spi, clock, output, input), (transmit, receive), select): (Spi1, Channels, Peri<'static, PD14>),
+        (interrupt, sync0, sync1): (Signal<PD15, EXTI15>, Signal<PF12, EXTI12>, Signal<PF13, EXTI13>),
         interrupts: impl Binding<DMA2_STREAM3, dma::InterruptHandler<DMA2_CH3>>
         + Binding<DMA2_STREAM0, dma::InterruptHandler<DMA2_CH0>>
         + Binding<EXTI15_10, exti::InterruptHandler<EXTI15_10>>
@@ -78,7 +75,7 @@ impl Wires {
         Self {
             spi: Spi::new(spi, clock, output, input, transmit, receive, interrupts, config),
             select: Output::new(select, Level::High, Speed::VeryHigh),
-            interrupt: ExtiInput::new(interrupt, channel, Pull::Down, interrupts),
+            interrupt: ExtiInput::new(interrupt.0, interrupt.1, Pull::Down, interrupts),
             // Without a wire there is no pulse, which the MainDevice is told.
             sync0: ExtiInput::new(sync0.0, sync0.1, Pull::Down, interrupts),
             sync1: ExtiInput::new(sync1.0, sync1.1, Pull::Down, interrupts),

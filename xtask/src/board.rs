@@ -108,7 +108,9 @@ pub(crate) fn run(board: &str, subcommand: &str, arguments: &[String]) -> Outcom
     let (mut cargo, rustc) = compiler(&target, if lints { "check" } else { subcommand }, core)?;
     if lints {
         let clippy = rustc.with_file_name("clippy-driver");
-        cargo.env("MOBGATE_CLIPPY", clippy).env("CLIPPY_ARGS", "-D__CLIPPY_HACKERY__warnings__CLIPPY_HACKERY__");
+        cargo
+            .env("MOBGATE_CLIPPY", clippy)
+            .env("CLIPPY_ARGS", "-D__CLIPPY_HACKERY__warnings__CLIPPY_HACKERY__");
     }
     // The same image wherever it is built.
     cargo.env("RUSTC_WRAPPER", root().join("xtask/rustc"));

@@ -92,12 +92,21 @@ fn run_one(suite: Suite) -> Outcome {
         }
         // With its figures; the pictures are in target/browser.
         Suite::Browser => {
-            let words = ["--test", "browser", "--test", "web", "--", "--nocapture", "in_a_browser", "the_page"];
+            let words =
+                ["--test", "browser", "--test", "web", "--", "--nocapture", "in_a_browser", "the_page"];
             run(&mut tests(&words))
         }
         Suite::Torture => {
-            let words =
-                ["--test", "gateway", "--test", "ethercat", "torture", "--", "--nocapture", "--test-threads=2"];
+            let words = [
+                "--test",
+                "gateway",
+                "--test",
+                "ethercat",
+                "torture",
+                "--",
+                "--nocapture",
+                "--test-threads=2",
+            ];
             run(tests(&words).env("MOBGATE_SEEDS", "4000"))
         }
         Suite::Maindevices => {

@@ -164,9 +164,9 @@ fn carry_out(task: Task) -> Outcome {
             let test = ["--test", "qemu", "--", "--nocapture", "ssh::random"];
             run(test::tests(&test).env("MOBGATE_PACKETS", count.to_string()))
         }
-        // As tests are built: in virtual time the compiler changes nothing.
         Task::Bench(Words { words }) => {
-            run(cargo("bench", &["--workspace", "--bench", "figures", "--profile", "dev", "--"]).args(words))
+            let mut cargo = cargo("bench", &["--package", "mobgate", "--"]);
+            run(test::short_paths(&mut cargo).args(words))
         }
         Task::Pty(Words { words }) => {
             let mut cargo = cargo("bench", &["--package", "mobgate-linux", "--bench", "pty", "--"]);

@@ -4,6 +4,9 @@ mod address;
 mod ethercat;
 mod field;
 mod functions;
+// As its port.
+#[cfg(feature = "web")]
+mod http;
 mod lane;
 mod limits;
 mod lookup;
@@ -34,6 +37,9 @@ pub(crate) use self::ethercat::INTERFACE_BYTES_MAX;
 pub use self::ethercat::{EthercatSettings, InterfaceName, OnLoss};
 pub(crate) use self::field::{Count, Field};
 pub use self::functions::Functions;
+// As its port.
+#[cfg(feature = "web")]
+pub use self::http::HttpSettings;
 pub use self::lane::Lane;
 pub(crate) use self::limits::{DEVICE_BYTES_MAX, PATHS, RESERVED_MAX};
 pub use self::limits::{LINE_BYTES_MAX, NAME_BYTES_MAX, Name, PORTS_MAX, PortId, ROUTES_MAX};

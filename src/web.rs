@@ -16,6 +16,7 @@ mod guard;
 mod job;
 mod json;
 mod lines;
+mod metrics;
 // Replaced by a stub in images without the page.
 #[cfg_attr(not(feature = "page"), path = "web/no_page.rs")]
 mod page;
@@ -37,12 +38,13 @@ use embassy_sync::mutex::Mutex;
 use embassy_time::{Duration, Instant, Timer};
 use picoserve::{Config, Router, Server, Timeouts, time};
 
-use self::api::Api;
+use self::api::{Api, Terms};
 use self::transport::{Clock, Halves, REQUEST_BYTES_MAX};
 use crate::gateway::{Gateway, PortState};
 use crate::hal::{OpenError, OpenErrorKind, Store, System, TcpHost, TcpStream};
+use crate::port::server::handshake::handshake;
 use crate::port::server::listening;
-use crate::settings::{Allowed, PortId, PortKind, Settings, TcpListen};
+use crate::settings::{Allowed, HttpSettings, PortId, PortKind, Settings, TcpListen};
 use crate::stats::Event;
 
 /// Pause after a failed accept.
@@ -79,16 +81,16 @@ impl Port {
     fn of(settings: &Settings) -> Option<Self> {
         let is_on = settings.can_log_in();
         settings.ports.iter().enumerate().find_map(|(at, port)| match &port.as_ref()?.kind {
-            PortKind::Http { listen, .. } => Some(Self { id: PortId(at as u8), listen: *listen, is_on }),
+            PortKind::Http(server) => Some(Self { id: PortId(at as u8), listen: server.listen, is_on }),
             _ => None,
         })
     }
 }
 
-/// Who may use the port, and whether other machines may.
-fn terms(settings: &Settings, id: PortId) -> Option<(&Allowed, bool)> {
+/// The settings of the port.
+fn server(settings: &Settings, id: PortId) -> Option<&HttpSettings> {
     match &settings.port(id)?.kind {
-        PortKind::Http { allowed, cleartext, .. } => Some((allowed, *cleartext)),
+        PortKind::Http(server) => Some(server),
         _ => None,
     }
 }
@@ -148,11 +150,14 @@ async fn accept<'h, H: TcpHost>(
     port: &Port,
     host: &'h mut H,
 ) -> Result<(H::Stream<'h>, SocketAddr), OpenError> {
+    if gateway.settings(|settings| server(settings, port.id).is_some_and(HttpSettings::is_encrypted)) {
+        host.prepare_tls(port.id)?;
+    }
     host.listen(&port.listen)?;
     listening::listens(port_state, "TCP", port.listen.port, || {
         let everybody = Allowed::everybody();
         let is_open =
-            gateway.settings(|settings| terms(settings, port.id).map(|(allowed, _)| *allowed == everybody));
+            gateway.settings(|settings| server(settings, port.id).map(|server| server.allowed == everybody));
         host.public_address(&port.listen).filter(|_| is_open == Some(true))
     });
     host.accept(&port.listen).await
@@ -174,10 +179,15 @@ async fn serve<S: Store, Y: System>(
     (store, system): (&mut S, &Y),
 ) {
     let peer = peer.ip().to_canonical();
-    let cleartext = gateway.settings(|settings| {
-        terms(settings, id).filter(|(allowed, _)| allowed.admits(peer)).map(|(_, cleartext)| cleartext)
+    let terms = gateway.settings(|settings| {
+        server(settings, id)
+            .filter(|server| server.allowed.admits(peer))
+            .map(|server| Terms::of(server, peer))
     });
-    if let Some(cleartext) = cleartext {
+    if let Some(terms) = terms {
+        if terms.encrypted && handshake(gateway, id, &mut stream, peer).await.is_err() {
+            return stream.close().await;
+        }
         let mut buffer = [0; REQUEST_BYTES_MAX];
         let end = Cell::new(Instant::now() + AGE_MAX);
         let app = Router::from_service(Api {
@@ -186,7 +196,7 @@ async fn serve<S: Store, Y: System>(
             system,
             port: id,
             peer,
-            cleartext,
+            terms,
             end: &end,
         });
         let server = Server::custom(&app, Clock, &CONFIG, &mut buffer);

@@ -44,9 +44,12 @@ impl<'s> Entrance<'s> {
             }
             // Images without a web interface have no such port.
             #[cfg(feature = "web")]
-            PortKind::Http { listen, allowed, cleartext } => {
-                Some(Self { listen: *listen, framing: None, allowed, is_open: *cleartext })
-            }
+            PortKind::Http(server) => Some(Self {
+                listen: server.listen,
+                framing: None,
+                allowed: &server.allowed,
+                is_open: server.cleartext || server.is_encrypted(),
+            }),
             _ => None,
         }
     }

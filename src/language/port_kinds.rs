@@ -11,7 +11,7 @@ use super::words::{Word, Words, Wrong};
 use crate::scanner::POINTS;
 // As above.
 #[cfg(feature = "web")]
-use crate::settings::Allowed;
+use crate::settings::HttpSettings;
 use crate::settings::{
     Driver, EthercatSettings, Framing, Key, MODBUS_TCP_PORT, PortKind, SERVERS, SerialSettings, Side,
     StreamFraming, TLS, TcpClientSettings, TcpServerSettings, UdpServerSettings,
@@ -97,9 +97,7 @@ pub(crate) fn new_port<'a>(words: &'a Words) -> Result<(PortKind, Word<'a>), Wro
         (Medium::Udp, _) => PortKind::UdpServer(UdpServerSettings::new(listen(endpoint)?)),
         // As above.
         #[cfg(feature = "web")]
-        (Medium::Http, _) => {
-            PortKind::Http { listen: listen(endpoint)?, allowed: Allowed::everybody(), cleartext: false }
-        }
+        (Medium::Http, _) => PortKind::Http(HttpSettings::new(listen(endpoint)?)),
         // A keyword or number of a serial line is not a device name.
         _ if endpoint.lookup(SERIAL.0).is_some() || parse_number(endpoint.text).is_some() => {
             let device_first =
@@ -151,7 +149,7 @@ impl PortKind {
             Self::Scanner => NONE,
             // As above.
             #[cfg(feature = "web")]
-            Self::Http { .. } => HTTP,
+            Self::Http(_) => HTTP,
         }
     }
 
@@ -170,7 +168,7 @@ impl PortKind {
             Self::UdpServer(settings) => write!(f, "udp server {}", settings.listen),
             // As above.
             #[cfg(feature = "web")]
-            Self::Http { listen, .. } => write!(f, "http server {listen}"),
+            Self::Http(HttpSettings { listen, .. }) => write!(f, "http server {listen}"),
             Self::Scanner => f.write_str("scanner"),
             Self::Ethercat(_) => f.write_str("ethercat"),
         }
@@ -199,8 +197,13 @@ impl PortKind {
             }
             // As above.
             #[cfg(feature = "web")]
-            Self::Http { listen, cleartext, .. } => {
-                show(&"http server", listen, &if *cleartext { "cleartext" } else { "" });
+            Self::Http(server) => {
+                let how = match server.cleartext {
+                    _ if server.is_encrypted() => "tls",
+                    true => "cleartext",
+                    false => "",
+                };
+                show(&"http server", &server.listen, &how);
             }
             Self::Scanner => show(&"scanner", &"", &""),
         }
@@ -347,8 +350,25 @@ const HTTP: Keywords = (
         ("cleartext", Key::Cleartext(true)),
         // For `edit`: resets a flag.
         ("no-cleartext", Key::Cleartext(false)),
+        ("metrics", Key::Metrics(true)),
+        // For `edit`: resets a flag.
+        ("no-metrics", Key::Metrics(false)),
+        // Images without TLS have no word of it.
+        #[cfg(feature = "tls")]
+        ("tls", Key::Tls(true)),
+        // For `edit`: resets a flag.
+        #[cfg(feature = "tls")]
+        ("no-tls", Key::Tls(false)),
+        #[cfg(feature = "tls")]
+        ("certificate", Key::Certificate),
+        #[cfg(feature = "tls")]
+        ("trust", Key::Trust),
     ],
-    "listen, allow or cleartext",
+    if TLS {
+        "listen, allow, cleartext, metrics, tls, certificate or trust"
+    } else {
+        "listen, allow, cleartext or metrics"
+    },
 );
 
 const NONE: Keywords = (&[], "");

@@ -234,6 +234,9 @@ impl<'a> Draft<'a> {
                 }
                 one_at_a_time(settings.framing, blamed, &mut settings.in_flight, 1)
             }
+            // Images without one of both have no word of it.
+            #[cfg(all(feature = "web", feature = "tls"))]
+            PortKind::Http(settings) => check_tls(&mut settings.tls, blamed),
             _ => Ok(()),
         }
     }

@@ -358,7 +358,7 @@ fn a_web_interface_is_a_port_and_there_is_one() {
     for (line, expected) in [
         ("port web http client 80", "\"client\": expected server"),
         ("port web http server", "end of line: expected a TCP port"),
-        ("edit port web broadcast off", "\"broadcast\": expected listen, allow or cleartext"),
+        ("edit port web broadcast off", "\"broadcast\": expected listen, allow, cleartext"),
         ("port other http server 81", "\"81\": there is an http server already"),
         ("port P8080 tcp server 8080", "\"8080\": another port listens there"),
     ] {

@@ -4,7 +4,7 @@ use strum::{EnumCount, EnumDiscriminants};
 
 // As the variant.
 #[cfg(feature = "web")]
-use crate::settings::Allowed;
+use crate::settings::HttpSettings;
 // As what uses it.
 #[cfg(feature = "tls")]
 use crate::settings::TlsSettings;
@@ -50,14 +50,7 @@ pub enum PortKind {
     /// The web interface.
     // Images without it have no word of it.
     #[cfg(feature = "web")]
-    Http {
-        /// Where it listens.
-        listen: TcpListen,
-        /// Peers that may connect; others are disconnected at once.
-        allowed: Allowed,
-        /// Whether users may log in from other machines without encryption.
-        cleartext: bool,
-    },
+    Http(HttpSettings),
 }
 
 impl PortKind {
@@ -87,16 +80,31 @@ impl PortKind {
         let tls = match self {
             Self::TcpServer(server) => &server.tls,
             Self::TcpClient(client) => &client.tls,
+            // As the variant.
+            #[cfg(feature = "web")]
+            Self::Http(server) => &server.tls,
             _ => return None,
         };
         tls.on.then_some(tls)
+    }
+
+    /// Whether, as a server with TLS, it serves only clients that show a certificate.
+    // As above.
+    #[cfg(feature = "tls")]
+    pub fn wants_certificates(&self) -> bool {
+        match self {
+            // As the variant.
+            #[cfg(feature = "web")]
+            Self::Http(server) => server.tls.trust.is_some(),
+            _ => self.side() == Side::Server,
+        }
     }
 
     /// Whether its clients may have roles.
     pub(crate) fn has_roles(&self) -> bool {
         // As above.
         #[cfg(feature = "tls")]
-        return self.side() == Side::Server && self.tls().is_some();
+        return matches!(self, Self::TcpServer(server) if server.tls.on);
         #[cfg(not(feature = "tls"))] // As above.
         false
     }
@@ -115,7 +123,7 @@ impl PortKind {
             Self::TcpServer(server) => Some(&server.listen),
             // As the variant.
             #[cfg(feature = "web")]
-            Self::Http { listen, .. } => Some(listen),
+            Self::Http(server) => Some(&server.listen),
             _ => None,
         }
     }
@@ -125,7 +133,7 @@ impl PortKind {
         match self {
             // As the variant.
             #[cfg(feature = "web")]
-            Self::Http { .. } => false,
+            Self::Http(_) => false,
             Self::TcpServer(server) => !server.is_ssh(),
             _ => true,
         }
@@ -142,12 +150,7 @@ impl PortKind {
             Self::Scanner => None,
             // As above.
             #[cfg(feature = "web")]
-            Self::Http { listen, allowed, cleartext } => Some(match key {
-                Key::Listen => Field::Listen(listen),
-                Key::Allow => Field::Allow(allowed),
-                Key::Cleartext(is_clear) => Field::Flag(cleartext, is_clear),
-                _ => return None,
-            }),
+            Self::Http(settings) => settings.field(key),
         }
     }
 
@@ -160,9 +163,7 @@ impl PortKind {
             Self::UdpServer(settings) => Self::UdpServer(UdpServerSettings::new(settings.listen)),
             // As above.
             #[cfg(feature = "web")]
-            Self::Http { listen, .. } => {
-                Self::Http { listen: *listen, allowed: Allowed::everybody(), cleartext: false }
-            }
+            Self::Http(server) => Self::Http(HttpSettings::new(server.listen)),
             Self::Scanner => Self::Scanner,
             // Never the other one: where there is no EtherCAT, there is no such port.
             Self::Ethercat(_) => EthercatSettings::new().map_or(Self::Scanner, Self::Ethercat),
@@ -232,6 +233,8 @@ pub(crate) enum Key {
     // Images without a web interface have no word of it.
     #[cfg(feature = "web")]
     Cleartext(bool),
+    #[cfg(feature = "web")]
+    Metrics(bool),
 }
 
 impl Key {
@@ -323,6 +326,24 @@ impl TcpClientSettings {
             Key::LateWindow => Field::AutoTime(&mut self.late_window, &HOUR),
             Key::DownAfter => Field::Small(&mut self.down_after, &DOWN_AFTER),
             Key::Proof => Field::Proofs(&mut self.proofs),
+            // As above.
+            #[cfg(feature = "tls")]
+            key => return self.tls.field(key),
+            #[cfg(not(feature = "tls"))] // As above.
+            _ => return None,
+        })
+    }
+}
+
+// Images without a web interface have none.
+#[cfg(feature = "web")]
+impl HttpSettings {
+    fn field(&mut self, key: Key) -> Option<Field<'_>> {
+        Some(match key {
+            Key::Listen => Field::Listen(&mut self.listen),
+            Key::Allow => Field::Allow(&mut self.allowed),
+            Key::Cleartext(is_clear) => Field::Flag(&mut self.cleartext, is_clear),
+            Key::Metrics(is_open) => Field::Flag(&mut self.metrics, is_open),
             // As above.
             #[cfg(feature = "tls")]
             key => return self.tls.field(key),

@@ -12,6 +12,7 @@ use picoserve::response::{Connection, IntoResponse, Response, ResponseWriter, St
 
 use super::job;
 use super::json::Quoted;
+use super::metrics::Metrics;
 use super::page::File;
 use super::piece::{Piece, Source};
 use super::session;
@@ -82,6 +83,7 @@ pub(super) enum Content<'s, 'g> {
     Job(Running<'s, 'g>),
     /// Frames as they come, until the session ends.
     Frames(Token),
+    Metrics(Metrics),
 }
 
 /// How far an object has been written.
@@ -206,6 +208,7 @@ impl Chunks for Pieces<'_, '_, '_> {
             Content::Job(_) => TEXT,
             Content::Frames(_) => "application/x-pcapng",
             Content::Live(..) => "text/event-stream",
+            Content::Metrics(ref metrics) => metrics.content_type(),
             _ => "application/json",
         }
     }
@@ -251,6 +254,7 @@ impl Content<'_, '_> {
             }
             Self::Settings(written) => written.next(source.gateway, out),
             Self::Schema(schema) => schema.next(out),
+            Self::Metrics(metrics) => metrics.next(source, out),
             Self::Diff(diff, part) => next_of_diff(source.gateway, diff, part, out),
             Self::Values(response, part) => {
                 if *part == Part::Over {

@@ -14,6 +14,7 @@ use picoserve::routing::PathRouterService;
 
 use super::answer::{Answer, Content};
 use super::guard::{self, Foreign};
+use super::metrics::Metrics;
 use super::page;
 use super::piece::Source;
 use super::session::{self, Shows};
@@ -23,7 +24,7 @@ use crate::gateway::Gateway;
 use crate::gateway::audit::{Actor, Topic};
 use crate::gateway::web::Token;
 use crate::hal::{Store, System};
-use crate::settings::{Name, PortId, Role};
+use crate::settings::{HttpSettings, Name, PortId, Role};
 
 /// What is called.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -65,6 +66,8 @@ pub(super) enum Call {
     Frames,
     /// What runs, and whether it is on trial.
     Firmware,
+    /// Counters for Prometheus.
+    Metrics,
 }
 
 /// The kind of a request's body.
@@ -77,6 +80,9 @@ enum Takes {
 
 /// Path, method, call, body, and the command of the console that needs the same role; none: every user may.
 type Route = (&'static str, &'static str, Call, Takes, Option<&'static str>);
+
+/// Where Prometheus looks.
+const METRICS: &str = "/metrics";
 
 const ROUTES: &[Route] = &[
     ("/api/v1/session", "POST", Call::LogIn, Takes::Json, None),
@@ -115,6 +121,7 @@ const ROUTES: &[Route] = &[
     ("/api/v1/ethercat", "GET", Call::Tables(ETHERCAT), Takes::Nothing, Some("show")),
     ("/api/v1/update", "GET", Call::Firmware, Takes::Nothing, Some("show")),
     ("/api/v1/frames", "GET", Call::Frames, Takes::Nothing, Some("watch")),
+    (METRICS, "GET", Call::Metrics, Takes::Nothing, Some("show")),
     ("/api/v1/scan", "POST", Call::Scan, Takes::Json, Some("scan")),
     ("/api/v1/tune", "POST", Call::Tune, Takes::Json, Some("tune")),
     ("/api/v1/stop", "POST", Call::Stop, Takes::Nothing, Some("scan")),
@@ -130,8 +137,27 @@ const ETHERCAT: &[TableOf] = &[("ethercat", Some(Show::Ethercat)), ("modules", S
 /// The longest scan, at all speeds, takes a quarter of an hour with the time-out that is usual, and hours with a long one.
 const WORK_MAX: Duration = Duration::from_secs(12 * 3_600);
 
-const CLEARTEXT: &str = "it is not encrypted: from this machine only, unless the port says cleartext";
+const CLEARTEXT: &str = "it is not encrypted: from this machine only, unless the port says tls or cleartext";
 const LOG_IN: &str = "log in first: POST /api/v1/session with user and password";
+
+/// What a client may do at the port.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Terms {
+    /// By TLS.
+    pub(super) encrypted: bool,
+    /// Log in, and what needs that.
+    logs_in: bool,
+    /// Read the metrics without a log-in.
+    metrics: bool,
+}
+
+impl Terms {
+    pub(super) fn of(server: &HttpSettings, peer: IpAddr) -> Self {
+        let encrypted = server.is_encrypted();
+        let logs_in = encrypted || server.cleartext || peer.is_loopback();
+        Self { encrypted, logs_in, metrics: server.metrics }
+    }
+}
 
 /// The interface for one connection.
 pub(super) struct Api<'a, 'g, S, Y> {
@@ -141,8 +167,7 @@ pub(super) struct Api<'a, 'g, S, Y> {
     /// The port, and the client.
     pub(super) port: PortId,
     pub(super) peer: IpAddr,
-    /// Whether other machines may use it.
-    pub(super) cleartext: bool,
+    pub(super) terms: Terms,
     /// When the connection ends.
     pub(super) end: &'a Cell<Instant>,
 }
@@ -209,19 +234,23 @@ impl<'a, 'g, S: Store, Y: System> Api<'a, 'g, S, Y> {
         let Ok(body) = core::str::from_utf8(body) else {
             return Answer::error(400, &"the body is not text (UTF-8)");
         };
-        match caller {
-            Some(caller) => self.run(call, &caller, body).await,
-            None => self.log_in(body).await,
+        match (call, caller) {
+            (Call::Metrics, _) => Answer::ok(Content::Metrics(Metrics::of(parts.headers()))),
+            (_, Some(caller)) => self.run(call, &caller, body).await,
+            (_, None) => self.log_in(body).await,
         }
     }
 
     /// A file of the page. It may be opened from anywhere, but by a name of the gateway.
     fn file(&self, file: &'static page::File, parts: &RequestParts<'_>) -> Answer<'a, 'g> {
         let headers = parts.headers();
-        if let Err(why) = self.gateway.settings(|settings| guard::check_host(headers, settings).map(drop)) {
+        let encrypted = self.terms.encrypted;
+        let host =
+            self.gateway.settings(|settings| guard::check_host(headers, settings, encrypted).map(drop));
+        if let Err(why) = host {
             return foreign(why);
         }
-        if !self.cleartext && !self.peer.is_loopback() {
+        if !self.terms.logs_in {
             return Answer::error(403, &CLEARTEXT);
         }
         if parts.method() != "GET" {
@@ -240,8 +269,12 @@ impl<'a, 'g, S: Store, Y: System> Api<'a, 'g, S, Y> {
         parts: &RequestParts<'_>,
     ) -> Result<(Call, Takes, Option<Caller>), Answer<'a, 'g>> {
         let headers = parts.headers();
-        self.gateway.settings(|settings| guard::check(headers, settings)).map_err(foreign)?;
-        if !self.cleartext && !self.peer.is_loopback() {
+        let encrypted = self.terms.encrypted;
+        self.gateway.settings(|settings| guard::check(headers, settings, encrypted)).map_err(foreign)?;
+        if path == METRICS && self.terms.metrics && parts.method() == "GET" {
+            return Ok((Call::Metrics, Takes::Nothing, None));
+        }
+        if !self.terms.logs_in {
             return Err(Answer::error(403, &CLEARTEXT));
         }
         if !ROUTES.iter().any(|(known, ..)| *known == path) {

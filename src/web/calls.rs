@@ -89,15 +89,15 @@ pub(super) fn uncommitted<'s, 'g>(error: &Uncommitted) -> Answer<'s, 'g> {
 impl<'a, 'g, S: Store, Y: System> Api<'a, 'g, S, Y> {
     pub(super) async fn run(&self, call: Call, caller: &Caller, body: &str) -> Answer<'a, 'g> {
         match call {
-            // A log-in needs no session.
-            Call::LogIn => Answer::done(),
+            // Neither needs a session.
+            Call::LogIn | Call::Metrics => Answer::done(),
             Call::Session => {
                 let (user, role) = (Quoted(&caller.name), caller.role);
                 Answer::json(200, format_args!("{{\"user\":{user},\"role\":\"{role}\"}}"))
             }
             Call::LogOut => {
                 self.gateway.web.end(&caller.token);
-                let cookie = format_args!("{COOKIE}=; HttpOnly; SameSite=Strict; Path=/; Max-Age=0");
+                let cookie = format_args!("{COOKIE}=; {}; Max-Age=0", self.cookie_attributes());
                 Answer::done().with_header("Set-Cookie", cookie)
             }
             Call::Status => Answer::ok(Content::Status(Status::new())),
@@ -167,8 +167,16 @@ impl<'a, 'g, S: Store, Y: System> Api<'a, 'g, S, Y> {
         if is_told {
             return Answer::json(200, format_args!("{{{head},\"token\":\"{token}\"}}"));
         }
-        let cookie = format_args!("{COOKIE}={token}; HttpOnly; SameSite=Strict; Path=/");
+        let cookie = format_args!("{COOKIE}={token}; {}", self.cookie_attributes());
         Answer::json(200, format_args!("{{{head}}}")).with_header("Set-Cookie", cookie)
+    }
+
+    /// A page's scripts cannot read the cookie, and no other page sends it.
+    fn cookie_attributes(&self) -> &'static str {
+        match self.terms.encrypted {
+            true => "HttpOnly; SameSite=Strict; Path=/; Secure",
+            false => "HttpOnly; SameSite=Strict; Path=/",
+        }
     }
 
     /// `GET /update`

@@ -31,19 +31,24 @@ fn only<'r>(headers: Headers<'r>, name: &str) -> Result<Option<&'r str>, ()> {
     value.map(|value| value.as_str().map_err(|_| ())).transpose()
 }
 
-/// Checks the host of a request, and returns it.
-pub(super) fn check_host<'r>(headers: Headers<'r>, settings: &Settings) -> Result<&'r str, Foreign> {
-    let host = only(headers, "host").ok().flatten().filter(|host| is_own(host, settings));
+/// Checks the host of a request, and returns it. With TLS (`encrypted`) it may be any: the browser has checked it against the
+/// certificate.
+pub(super) fn check_host<'r>(
+    headers: Headers<'r>,
+    settings: &Settings,
+    encrypted: bool,
+) -> Result<&'r str, Foreign> {
+    let host = only(headers, "host").ok().flatten().filter(|host| encrypted || is_own(host, settings));
     host.ok_or(Foreign::Host)
 }
 
 /// Checks the host and the origin of a request.
-pub(super) fn check(headers: Headers<'_>, settings: &Settings) -> Result<(), Foreign> {
-    let host = check_host(headers, settings)?;
+pub(super) fn check(headers: Headers<'_>, settings: &Settings, encrypted: bool) -> Result<(), Foreign> {
+    let host = check_host(headers, settings, encrypted)?;
     let origin = only(headers, "origin").map_err(|()| Foreign::Origin)?;
     let is_same = |origin: &str| {
         let (scheme, from) = origin.split_once("://").unwrap_or_default();
-        scheme == "http" && from.eq_ignore_ascii_case(host)
+        scheme == if encrypted { "https" } else { "http" } && from.eq_ignore_ascii_case(host)
     };
     let site = only(headers, "sec-fetch-site").map_err(|()| Foreign::Origin)?;
     let is_near = site.is_none_or(|site| site == "same-origin" || site == "none");

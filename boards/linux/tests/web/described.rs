@@ -305,6 +305,11 @@ fn commands(caller: &mut Caller) {
         let rows = caller.call(path, "GET", "", 200).json();
         assert!(!rows[path].as_array().unwrap().is_empty(), "{path} of {rows}");
     }
+    for kind in ["text/plain", "application/openmetrics-text"] {
+        let metrics = caller.request("/metrics", "GET", "").header("Accept", kind).gets(200);
+        assert!(metrics.body.contains("mobgate_port_events_total{port=\"P502\",event=\"requests\"}"));
+        caller.note("/metrics", "GET", metrics);
+    }
     let explain = r#"{"port":"P502","unit":5,"function":3,"address":9,"count":2,"from":"127.0.0.1"}"#;
     let explained = caller.call("explain", "POST", explain, 200).json();
     let expected = json!({"outcome": "local", "rule": 1, "text": "rule 1: to the gateway's own unit"});

@@ -326,6 +326,37 @@ fn without_encryption_other_machines_get_in_only_where_the_port_says_cleartext()
 }
 
 #[test]
+fn metrics_need_a_log_in_until_the_port_says_otherwise_and_the_dashboard_uses_those_that_there_are() {
+    let web = with(P502);
+    let metrics = || web.request("GET", "/metrics");
+    metrics().gets(401);
+    metrics().bearer(&web.token("viewer")).gets(200);
+    metrics().bearer("x").gets(401);
+    converse(&mut web.program.session(), "edit port web metrics\nshow config\n", " metrics");
+    let text = wait_for("the metrics", || Some(metrics().send()).filter(|now| now.status == 200)).body;
+    assert!(text.contains("mobgate_port_up{port=\"P502\"} 1\n"), "{text}");
+    // Nothing else needs no log-in now, and no other page reads them.
+    web.request("GET", "/api/v1/status").gets(401);
+    metrics().host("evil.example").gets(421);
+    metrics().header("Origin", "http://evil.example").gets(403);
+    let dashboard = include_str!("../../../../docs/grafana.json");
+    let is_name = |char: char| char.is_ascii_lowercase() || char.is_ascii_digit() || char == '_';
+    let used =
+        dashboard.match_indices("mobgate_").map(|(at, _)| dashboard[at..].split(|char| !is_name(char)));
+    let used: std::collections::BTreeSet<_> = used.filter_map(|mut words| words.next()).collect();
+    assert!(used.len() > 5, "{used:?}");
+    for name in used {
+        assert!(text.contains(&format!("# TYPE {name} ")), "{name} is no metric");
+    }
+    // Its events are those of the counters.
+    let known = |event: &str| text.contains(&format!("event=\"{event}\""));
+    let events = "requests answers queue-full refused no-path expired unit-down unwelcome crowded line-lost";
+    for event in events.split(' ') {
+        assert!(dashboard.contains(event) && known(event), "{event}");
+    }
+}
+
+#[test]
 fn large_bodies_and_endless_heads_are_refused_and_slow_ones_are_cut() {
     let web = with(P502);
     let token = web.token("anna");

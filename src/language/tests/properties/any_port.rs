@@ -276,10 +276,16 @@ pub(super) fn any_udp_server(n: usize) -> impl Strategy<Value = PortKind> {
 pub(super) fn any_http() -> impl Strategy<Value = PortKind> {
     let allowed = prop::collection::vec(any_prefix(), 0..=RESERVED_MAX);
     let address = prop::option::of((1..=u32::MAX).prop_map(|bits| IpAddr::V4(bits.into())));
-    (address, allowed, any::<bool>()).prop_map(|(address, allowed, cleartext)| PortKind::Http {
-        listen: TcpListen { address, port: 80 },
-        allowed: Allowed(allowed.into_iter().collect()),
-        cleartext,
+    let flags = (any::<bool>(), any::<bool>(), any_tls(1));
+    (address, allowed, flags).prop_map(|(address, allowed, (cleartext, metrics, _tls))| {
+        PortKind::Http(HttpSettings {
+            allowed: Allowed(allowed.into_iter().collect()),
+            cleartext,
+            metrics,
+            #[cfg(feature = "tls")]
+            tls: _tls,
+            ..HttpSettings::new(TcpListen { address, port: 80 })
+        })
     })
 }
 

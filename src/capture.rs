@@ -22,7 +22,6 @@ mod bytes;
 mod export;
 pub mod pcapng;
 
-pub use self::bytes::BYTES_MAX;
 use self::bytes::Bytes;
 pub use self::export::Export;
 

@@ -9,6 +9,7 @@ use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::mutex;
 use embassy_sync::signal::Signal;
 use embassy_time::{Duration, Instant};
+use heapless::String;
 
 use super::shared::Shared;
 use super::turns::Turns;
@@ -24,6 +25,9 @@ const SESSIONS_MAX: usize = 16;
 const IDLE_MAX: Duration = Duration::from_secs(30 * 60);
 /// and at this age.
 const AGE_MAX: Duration = Duration::from_secs(12 * 3_600);
+
+/// Fits the longest piece of an answer: the 2000 bits of a point.
+const PIECE_BYTES_MAX: usize = 6_144;
 
 /// The secret of a session, random.
 pub(crate) type Token = [u8; 16];
@@ -56,6 +60,8 @@ pub(crate) struct Web {
     pub(crate) turns: Turns,
     /// Connections held for live values.
     live: AtomicU8,
+    /// For pieces of answers that do not fit into a connection's own memory; held until it is sent.
+    pub(crate) long_piece: mutex::Mutex<CriticalSectionRawMutex, String<PIECE_BYTES_MAX>>,
     /// Stops the command that takes a while: there is one at a time, because it has the turn for direct requests.
     pub(crate) stop: Signal<CriticalSectionRawMutex, ()>,
 }
@@ -77,6 +83,7 @@ impl Web {
             log_in: mutex::Mutex::new(()),
             turns: Turns::new(),
             live: AtomicU8::new(0),
+            long_piece: mutex::Mutex::new(String::new()),
             stop: Signal::new(),
         }
     }

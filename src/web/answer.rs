@@ -13,7 +13,7 @@ use picoserve::response::{Connection, IntoResponse, Response, ResponseWriter, St
 use super::job;
 use super::json::Quoted;
 use super::page::File;
-use super::piece::{Piece, Source};
+use super::piece::{Piece, ShortPiece, Source};
 use super::session;
 use super::status::Status;
 use crate::console::access::{self, Running};
@@ -23,10 +23,11 @@ use crate::gateway::web::Token;
 use crate::gateway::{Candidate, Gateway};
 use crate::language::{LineError, Shown, write_shown_line};
 
-/// Fits the longest answer that is made before it is sent.
-pub(super) type Text = String<2_048>;
+/// Bytes of the longest answer that is made before it is sent.
+pub(super) const TEXT_BYTES_MAX: usize = if cfg!(feature = "long-requests") { 2_048 } else { 768 };
+pub(super) type Text = String<TEXT_BYTES_MAX>;
 /// A message, which is cut if it is longer.
-type Message = String<512>;
+type Message = String<{ TEXT_BYTES_MAX / 4 }>;
 
 /// Time between two events of live values.
 const LIVE_PAUSE: Duration = Duration::from_secs(1);
@@ -147,20 +148,20 @@ impl<'s, 'g> Answer<'s, 'g> {
         self
     }
 
-    /// Sends it.
+    /// Sends it. It stays where it is: a future has its arguments twice.
     pub(super) async fn send<R: Read, W: ResponseWriter<Error = R::Error>>(
-        self,
+        &mut self,
         source: Source<'_, '_>,
         connection: Connection<'_, R>,
         writer: W,
     ) -> Result<ResponseSent, W::Error> {
         let is_live = matches!(self.content, Content::Live(..) | Content::Frames(_));
         let held = is_live.then(|| source.gateway.web.hold());
-        let Self { status, header, content } = match held {
-            Some(None) => Self::error(409, &FULL),
-            _ => self,
-        };
-        let status = StatusCode::new(status);
+        if let Some(None) = held {
+            *self = Self::error(409, &FULL);
+        }
+        let Self { status, header, content } = self;
+        let status = StatusCode::new(*status);
         let header = header.as_ref().map(|(name, value)| (*name, value.as_str()));
         match content {
             Content::Nothing => {
@@ -173,7 +174,7 @@ impl<'s, 'g> Answer<'s, 'g> {
             }
             Content::File(file, is_known) => {
                 let (status, bytes) =
-                    if is_known { (StatusCode::NOT_MODIFIED, &[][..]) } else { (status, file.bytes) };
+                    if *is_known { (StatusCode::NOT_MODIFIED, &[][..]) } else { (status, file.bytes) };
                 let response = Response::new(status, bytes).with_content_type(file.kind);
                 let response = response.with_header("Content-Encoding", "gzip").with_header("ETag", file.tag);
                 response.with_headers(FILE_HEADERS).write_to(connection, writer).await
@@ -187,12 +188,12 @@ impl<'s, 'g> Answer<'s, 'g> {
 }
 
 /// A stream of pieces.
-struct Pieces<'a, 's, 'g> {
-    source: Source<'a, 'g>,
-    content: Content<'s, 'g>,
+struct Pieces<'a, 'b, 's, 'g> {
+    source: Source<'a, 'b>,
+    content: &'a mut Content<'s, 'g>,
 }
 
-impl Chunks for Pieces<'_, '_, '_> {
+impl Chunks for Pieces<'_, '_, '_, '_> {
     fn content_type(&self) -> &'static str {
         match self.content {
             Content::Settings { .. } | Content::Job(_) => "text/plain; charset=utf-8",
@@ -202,25 +203,22 @@ impl Chunks for Pieces<'_, '_, '_> {
         }
     }
 
-    async fn write_chunks<W: Write>(mut self, mut writer: ChunkWriter<W>) -> Result<ChunksWritten, W::Error> {
-        match &mut self.content {
-            Content::Job(running) => job::run(&self.source, running, &mut writer).await?,
-            Content::Frames(token) => job::frames(&self.source, token, &mut writer).await?,
+    async fn write_chunks<W: Write>(self, mut writer: ChunkWriter<W>) -> Result<ChunksWritten, W::Error> {
+        let Self { source, content } = self;
+        match content {
+            Content::Job(running) => job::run(&source, running, &mut writer).await?,
+            Content::Frames(token) => job::frames(&source, token, &mut writer).await?,
             _ => {}
         }
-        let mut piece = Piece::new();
-        // A piece that does not fit ends the answer, which its receiver finds incomplete.
         loop {
-            while self.content.next(&self.source, &mut piece) == Ok(true) {
-                writer.write_chunk(piece.as_bytes()).await?;
-                piece.clear();
+            while content.write_next(&source, &mut writer).await? {
                 // Lets other tasks run between two rows.
                 yield_now().await;
             }
-            let Content::Live(status, token) = &mut self.content else { break };
+            let Content::Live(status, token) = content else { break };
             Timer::after(LIVE_PAUSE).await;
             // Live values do not prolong the session.
-            if session::user(self.source.gateway, token, false).is_none() {
+            if session::user(source.gateway, token, false).is_none() {
                 break;
             }
             *status = Status::new();
@@ -230,7 +228,26 @@ impl Chunks for Pieces<'_, '_, '_> {
 }
 
 impl Content<'_, '_> {
-    /// Writes the next piece; `false`: there was none.
+    /// Sends the next piece; `false`: there was none.
+    async fn write_next<W: Write>(
+        &mut self,
+        source: &Source<'_, '_>,
+        writer: &mut ChunkWriter<W>,
+    ) -> Result<bool, W::Error> {
+        let mut short = ShortPiece::new();
+        if let Ok(is_one) = self.next(source, &mut short) {
+            writer.write_chunk(if is_one { short.as_bytes() } else { b"" }).await?;
+            return Ok(is_one);
+        }
+        let mut long = source.gateway.web.long_piece.lock().await;
+        long.clear();
+        // A piece that does not fit here either ends the answer, which its receiver finds incomplete.
+        let is_one = self.next(source, long.as_mut_view()) == Ok(true);
+        writer.write_chunk(if is_one { long.as_bytes() } else { b"" }).await?;
+        Ok(is_one)
+    }
+
+    /// Writes the next piece; `false`: there was none. After an error the same piece is the next one.
     fn next(&mut self, source: &Source<'_, '_>, out: &mut Piece) -> Result<bool, fmt::Error> {
         match self {
             Self::Nothing | Self::Json(_) | Self::File(..) | Self::Job(_) | Self::Frames(_) => Ok(false),
@@ -251,8 +268,9 @@ impl Content<'_, '_> {
                 if *part == Part::Over {
                     return Ok(false);
                 }
+                values(response, out)?;
                 *part = Part::Over;
-                values(response, out).map(|()| true)
+                Ok(true)
             }
         }
     }
@@ -263,11 +281,11 @@ fn settings_line(
     gateway: &Gateway<'_>,
     of_candidate: bool,
     n: usize,
-    out: &mut Piece,
+    mut out: &mut Piece,
 ) -> Option<fmt::Result> {
     match of_candidate.then(|| gateway.candidate().map(Candidate::settings)) {
-        Some(candidate) => write_shown_line(&*candidate?.ok()?, n, Shown::Apart, out),
-        None => gateway.settings(|settings| write_shown_line(settings, n, Shown::Apart, out)),
+        Some(candidate) => write_shown_line(&*candidate?.ok()?, n, Shown::Apart, &mut out),
+        None => gateway.settings(|settings| write_shown_line(settings, n, Shown::Apart, &mut out)),
     }
 }
 

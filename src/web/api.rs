@@ -148,7 +148,7 @@ impl<S: Store, Y: System> PathRouterService for Api<'_, '_, S, Y> {
     ) -> Result<ResponseSent, W::Error> {
         let turn = self.gateway.web.turns.take(embassy_time::Instant::now());
         Timer::at(turn).await;
-        let answer = self.answer(path.encoded(), &request.parts, request.body_connection.body()).await;
+        let mut answer = self.answer(path.encoded(), &request.parts, request.body_connection.body()).await;
         let connection = request.body_connection.finalize().await?;
         answer.send(Source { gateway: self.gateway, system: self.system }, connection, writer).await
     }

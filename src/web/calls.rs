@@ -7,7 +7,7 @@ use heapless::{String, Vec};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 
-use super::answer::{Answer, Content, Part};
+use super::answer::{Answer, Content, Part, TEXT_BYTES_MAX};
 use super::api::{Api, Call, Caller};
 use super::candidate::{self, Unchanged};
 use super::json::Quoted;
@@ -28,8 +28,8 @@ use crate::settings::Name;
 const UNESCAPED_BYTES_MAX: usize = 256;
 /// Values of a write.
 pub(super) const VALUES_MAX: usize = 128;
-/// Fits the line of a request with so many values.
-pub(super) type Line = String<4_096>;
+/// Fits the line of a request with so many values; without `long-requests`, with a quarter of them.
+pub(super) type Line = String<{ if cfg!(feature = "long-requests") { 4_096 } else { 1_024 } }>;
 /// A word of such a line.
 pub(super) type Word = String<32>;
 
@@ -182,7 +182,7 @@ impl<'a, 'g, S: Store, Y: System> Api<'a, 'g, S, Y> {
 
     async fn change(&self, lines: &str, replaces: bool) -> Answer<'a, 'g> {
         // As many as fit.
-        let mut warnings = String::<1_536>::new();
+        let mut warnings = String::<{ TEXT_BYTES_MAX * 3 / 4 }>::new();
         let mut warn = |line: usize, warning: &crate::language::Warning| {
             let length = warnings.len();
             let comma = if warnings.is_empty() { "" } else { "," };

@@ -12,12 +12,12 @@ use picoserve::{Timeouts, Timer};
 
 use crate::hal::TcpStream;
 
-/// Bytes of a request: its head, and its body.
-pub(super) const REQUEST_BYTES_MAX: usize = 16 * 1_024;
+/// Bytes of a request: its head, and its body. A browser's head takes 1 KiB at most.
+pub(super) const REQUEST_BYTES_MAX: usize = if cfg!(feature = "long-requests") { 16 * 1_024 } else { 2_560 };
 /// Bytes read of a connection: what comes behind a request of the largest size is not read, and its sender gets an answer.
 const READ_BYTES_MAX: usize = 2 * REQUEST_BYTES_MAX;
-/// Bytes of a response written at a time.
-const PIECE_BYTES: usize = 1_024;
+/// Bytes of a response's head written at a time.
+const PIECE_BYTES: usize = 256;
 
 /// The executor.
 pub(super) struct Embassy;

@@ -30,5 +30,8 @@ const fn gateway() -> Gateway<'static> {
     // As above.
     #[cfg(feature = "audit")]
     let gateway = gateway.with_audit(mobgate_faults::audit_memory());
+    // As above.
+    #[cfg(feature = "web")]
+    let gateway = gateway.with_candidate(&crate::web::CANDIDATE);
     gateway.with_capture(&CAPTURE)
 }

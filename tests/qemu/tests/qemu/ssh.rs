@@ -19,7 +19,7 @@ const NO_SESSION: i32 = 255;
 /// Sessions at a time.
 const SESSIONS: usize = 8;
 /// `let me in`, with parameters that cost little.
-const PASSWORD: &str =
+pub(crate) const PASSWORD: &str =
     "$argon2id$v=19$m=8,t=1,p=1$MDEyMzQ1Njc4OWFiY2RlZg$MbnuQj2xrGASZb+GaVRPOkBaCDUjNErQQKePN3mCUfA";
 
 /// The board with an SSH server, and what its users have.

@@ -1,0 +1,32 @@
+//! The web interface: a task for each connection, and one that takes back commits which nobody confirms.
+
+use embassy_executor::Spawner;
+use mobgate::gateway::Candidate;
+use mobgate::web;
+use mobgate_net::{Sockets, TcpSockets};
+
+use crate::board::{Board, Store};
+use crate::gateway::GATEWAY;
+use crate::network::WEB_CONNECTIONS;
+
+/// The settings that are being changed, or those to go back to.
+pub(crate) static CANDIDATE: Candidate = Candidate::new();
+
+#[embassy_executor::task(pool_size = WEB_CONNECTIONS)]
+async fn connection(nth: usize, sockets: &'static Sockets, mut store: Store, board: &'static Board) {
+    web::run(&GATEWAY, nth, &mut TcpSockets::new(sockets), &mut store, board).await
+}
+
+#[embassy_executor::task]
+async fn commits() {
+    GATEWAY.watch_commits().await;
+}
+
+/// Starts the tasks.
+pub(crate) fn start(spawner: Spawner, sockets: &'static Sockets, store: &Store, board: &'static Board) {
+    // Spawned once: the task slots are free.
+    spawner.spawn(commits().unwrap());
+    for nth in 0..WEB_CONNECTIONS {
+        spawner.spawn(connection(nth, sockets, store.another(), board).unwrap());
+    }
+}

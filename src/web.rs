@@ -4,7 +4,7 @@
 //! which do what the console's commands do, by the same tables, candidate and direct requests. What they return is an
 //! `answer`, sent row by row. The framing is picoserve's, over the board's streams.
 
-// A refusal is an answer, which is as large as any: there is no heap.
+// A refusal is a whole answer, as large as any other, because there is no heap.
 #![allow(clippy::result_large_err)]
 
 mod answer;
@@ -43,7 +43,7 @@ use crate::stats::Event;
 
 /// Pause after a failed accept.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(200);
-/// A connection is closed at this age: the longest wait for a device's response, and some time for both ways. Longer work puts it off.
+/// A connection is closed at this age: the longest response time-out, and a margin. Longer work extends it.
 const AGE_MAX: Duration = Duration::from_secs(140);
 
 /// A request must begin, and must have arrived, within these times; a piece of the response must be taken within the last one.
@@ -53,7 +53,7 @@ const TIMEOUTS: Timeouts = Timeouts {
     read_request: time::Duration::from_secs(5),
     write: time::Duration::from_secs(5),
 };
-/// One request each, so that nobody keeps others from a connection.
+/// One request per connection, so that nobody blocks others.
 const CONFIG: Config = Config::new(TIMEOUTS).close_connection_after_response();
 
 /// No user can log in yet.
@@ -148,7 +148,7 @@ async fn accept<'h, H: TcpHost>(
     host.accept(&port.listen).await
 }
 
-/// Waits until a time that may be put off.
+/// Waits until a time that may be extended.
 async fn until(end: &Cell<Instant>) {
     while Instant::now() < end.get() {
         Timer::at(end.get()).await;

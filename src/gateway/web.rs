@@ -62,7 +62,8 @@ pub(crate) struct Web {
     live: AtomicU8,
     /// For pieces of answers that do not fit into a connection's own memory; held until it is sent.
     pub(crate) long_piece: mutex::Mutex<CriticalSectionRawMutex, String<PIECE_BYTES_MAX>>,
-    /// Stops the command that takes a while: there is one at a time, because it has the turn for direct requests.
+    /// Stops the long command, `scan` or `tune`. One signal is enough: a long command holds the turn for direct requests, so only one
+    /// runs at a time, and `reset` at its start drops a stop that was meant for the one before.
     pub(crate) stop: Signal<CriticalSectionRawMutex, ()>,
 }
 

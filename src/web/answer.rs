@@ -305,7 +305,7 @@ fn next_of_diff(
         Part::More => ",",
         Part::Over => return Ok(false),
     };
-    // It was there before; without it, nothing differs any more.
+    // The candidate may be gone since the check; then nothing differs.
     let candidate = gateway.candidate().and_then(|candidate| candidate.settings().ok());
     let next = candidate.as_ref().and_then(|new| gateway.settings(|in_force| diff.next(in_force, new)));
     if let Some((sign, line)) = next {

@@ -135,7 +135,7 @@ impl<'a, 'g, S: Store, Y: System> Api<'a, 'g, S, Y> {
             Ok(log_in) => log_in,
             Err(refusal) => return refusal,
         };
-        // A longer name is nobody's either.
+        // No user has a longer name.
         let name = Name::try_from(user.as_str()).unwrap_or_default();
         let gateway = self.gateway;
         let _one_at_a_time = gateway.web.log_in.lock().await;

@@ -1,8 +1,8 @@
 //! Refuses requests that a page of another origin makes a browser send.
 //!
-//! A browser says whom it means to reach (`Host`), and whose page it was (`Origin`, `Sec-Fetch-Site`). A name that leads here by an
-//! attacker's DNS (rebinding) is none of the gateway's: it is known by its addresses, as `localhost`, and by the name that the settings
-//! give it for mDNS. Of state-changing requests with a cookie the origin must be told.
+//! A browser names the host it addresses (`Host`) and the origin of the page (`Origin`, `Sec-Fetch-Site`). Against DNS rebinding, only the
+//! gateway's addresses, `localhost` and its mDNS name are accepted as hosts. State-changing requests with a cookie must name their
+//! origin.
 
 use core::net::IpAddr;
 

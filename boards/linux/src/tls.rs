@@ -1,7 +1,7 @@
 //! Modbus/TCP Security: TLS 1.2 and 1.3 with the certificates of the settings.
 //!
-//! Nothing is kept between connections: the files are read for each, so a renewed certificate or a new list of revoked ones acts
-//! with the next connection. For the same reason no session is resumed, whose certificate would not be checked again.
+//! Nothing is cached between connections: the files are read for each, so a renewed certificate or revocation list takes effect with
+//! the next one. For the same reason sessions are not resumed: a resumed one would skip the check of the certificate.
 
 use std::net::IpAddr;
 use std::sync::{Arc, OnceLock};
@@ -139,7 +139,7 @@ fn server(settings: &Settings, tls: &TlsSettings) -> Result<Arc<ServerConfig>, F
 
 fn client(settings: &Settings, tls: &TlsSettings) -> Result<ClientConfig, Fault> {
     let trusted = certificate(settings, tls.trust.as_deref(), Purpose::Servers);
-    // A server's own certificate is good for the port only that names it: the key of one device must not open another.
+    // A pinned certificate counts only for the port that names it: the key of one device must not authenticate another.
     let may_be_own = tls.trust.is_some();
     let servers = trusted
         .map(|authority| verify::servers(authority, may_be_own, &provider()))

@@ -26,6 +26,7 @@ pub mod serial;
 pub mod share;
 pub mod shared_bus;
 pub mod timing;
+pub mod waiting;
 pub mod wire;
 pub mod ymodem;
 

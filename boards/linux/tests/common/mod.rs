@@ -12,14 +12,12 @@ use std::process::{Child, Command, ExitStatus, Output, Stdio};
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use std::sync::{Arc, Mutex};
 use std::thread;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
+pub(crate) use mobgate_simulator::waiting::{PATIENCE, wait_for};
 use rustix::process::{Pid, Signal, kill_process};
 
 pub(crate) mod terminal;
-
-/// Longest wait for anything that a test expects.
-pub(crate) const PATIENCE: Duration = Duration::from_secs(60);
 
 /// A port that was free a moment ago. None that the system gives to whoever asks for any, such as a client: it would be taken
 /// again before the program has started on a busy machine. Nor one that was given to another test, in whatever process: who
@@ -42,18 +40,6 @@ pub(crate) fn reserve(port: u16) -> bool {
     let name = SocketAddr::from_abstract_name(format!("mobgate-test-port-{port}")).unwrap();
     let claim = UnixListener::bind_addr(&name);
     claim.map(|claim| RESERVED.lock().unwrap().push(claim)).is_ok()
-}
-
-/// Waits until `done` gives something.
-pub(crate) fn wait_for<T>(what: &str, mut done: impl FnMut() -> Option<T>) -> T {
-    let start = Instant::now();
-    loop {
-        if let Some(value) = done() {
-            return value;
-        }
-        assert!(start.elapsed() < PATIENCE, "waited in vain for {what}");
-        thread::sleep(Duration::from_millis(10)); // between two looks
-    }
 }
 
 /// The program, not yet started.

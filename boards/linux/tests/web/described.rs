@@ -287,23 +287,9 @@ route P502 1-9 * * local
 route poll 1 * * own
 ";
 
-#[test]
-fn the_program_is_as_its_description_says() {
-    let described = Description::read();
-    let (_far, near) = SerialPort::pair().unwrap();
-    let device = rustix::termios::ttyname(&near, Vec::new()).unwrap().into_string().unwrap();
-    let web = with(&SETTINGS.replace("{device}", &device));
-    let token = web.token("anna");
-    let said = described.said();
-    let mut caller = Caller { described, web, token, seen: BTreeSet::new() };
-    // Somebody is connected.
-    let mut client = caller.web.program.connect();
-    common::ask(&mut client, 1, &[3, 0, 0, 0, 1]);
-
-    let ask = |table, more: &str| format!(r#"{{"port":"own","unit":1,"table":"{table}","address":0{more}}}"#);
+/// A candidate is drafted, committed, taken back, and refused where there is none or another one waits.
+fn candidates(caller: &mut Caller) {
     let candidate = "settings/candidate";
-    caller.call("session", "GET", "", 200);
-    caller.call("settings", "GET", "", 200);
     for (path, method) in [(candidate, "GET"), (candidate, "DELETE"), ("settings/diff", "GET")] {
         caller.call(path, method, "", 409);
     }
@@ -328,9 +314,13 @@ fn the_program_is_as_its_description_says() {
     caller.call(candidate, "PUT", &whole, 200);
     caller.call("settings/commit", "POST", r#"{"confirmed":60}"#, 204);
     caller.call("settings/confirm", "POST", "", 204);
+}
+
+/// Units are asked through a client-side port.
+fn requests(caller: &mut Caller) {
     for (path, body) in [
-        ("read", ask("coil", ",\"count\":12")),
-        ("write", ask("coil", ",\"values\":[1,0,1]")),
+        ("read", table_of_own("coil", ",\"count\":12")),
+        ("write", table_of_own("coil", ",\"values\":[1,0,1]")),
         ("ping", r#"{"port":"own","unit":1}"#.to_owned()),
     ] {
         caller.call(path, "POST", &body, 200);
@@ -338,8 +328,42 @@ fn the_program_is_as_its_description_says() {
         // A server is not asked.
         caller.call(path, "POST", &body.replace("own", "P502"), 409);
     }
+}
+
+/// A request for a table of the unit behind the port `own`.
+fn table_of_own(table: &str, more: &str) -> String {
+    format!(r#"{{"port":"own","unit":1,"table":"{table}","address":0{more}}}"#)
+}
+
+/// Five wrong passwords lock the user out, with the right one, too.
+fn log_ins(caller: &mut Caller) {
+    caller.call("session", "POST", r#"{"user":"anna","password":"let me in"}"#, 200);
+    for _ in 0..5 {
+        caller.call("session", "POST", r#"{"user":"anna","password":"let me out"}"#, 401);
+    }
+    caller.call("session", "POST", r#"{"user":"anna","password":"let me in"}"#, 429);
+    caller.call("session", "DELETE", "", 204);
+}
+
+#[test]
+fn the_program_is_as_its_description_says() {
+    let described = Description::read();
+    let (_far, near) = SerialPort::pair().unwrap();
+    let device = rustix::termios::ttyname(&near, Vec::new()).unwrap().into_string().unwrap();
+    let web = with(&SETTINGS.replace("{device}", &device));
+    let token = web.token("anna");
+    let said = described.said();
+    let mut caller = Caller { described, web, token, seen: BTreeSet::new() };
+    // Somebody is connected.
+    let mut client = caller.web.program.connect();
+    common::ask(&mut client, 1, &[3, 0, 0, 0, 1]);
+
+    caller.call("session", "GET", "", 200);
+    caller.call("settings", "GET", "", 200);
+    candidates(&mut caller);
+    requests(&mut caller);
     commands(&mut caller);
-    caller.call("read", "POST", &ask("holding", ",\"count\":2,\"type\":\"f32\""), 200);
+    caller.call("read", "POST", &table_of_own("holding", ",\"count\":2,\"type\":\"f32\""), 200);
     let status = caller.call("status", "GET", "", 200).json();
     for table in ["ports", "servers", "units", "clients", "rules", "devices", "points"] {
         assert!(!status[table].as_array().unwrap().is_empty(), "{table} of {status}");
@@ -348,12 +372,7 @@ fn the_program_is_as_its_description_says() {
     for (path, method, _) in &said {
         caller.refusals(path, method);
     }
-    caller.call("session", "POST", r#"{"user":"anna","password":"let me in"}"#, 200);
-    for _ in 0..5 {
-        caller.call("session", "POST", r#"{"user":"anna","password":"let me out"}"#, 401);
-    }
-    caller.call("session", "POST", r#"{"user":"anna","password":"let me in"}"#, 429);
-    caller.call("session", "DELETE", "", 204);
+    log_ins(&mut caller);
     let missed: Vec<_> = said.difference(&caller.seen).collect();
     assert!(missed.is_empty(), "described, and not seen: {missed:?}");
     methods(&caller);

@@ -11,8 +11,8 @@ use crate::port::server::listening;
 use crate::port::timer::within;
 use crate::settings::{ClientRole, PortKind};
 
-/// A client that has not shown its certificate by then is disconnected. It takes none of the port's places, but keeps the task that
-/// accepts newcomers.
+/// A client that has not completed the handshake by then is disconnected. It occupies none of the port's connections, but the task that
+/// accepts new ones.
 const HANDSHAKE_MAX: Duration = Duration::from_secs(5);
 
 impl Server<'_, '_> {
@@ -22,12 +22,12 @@ impl Server<'_, '_> {
         self.gateway.settings(|settings| settings.port(self.id).is_some_and(|port| is_secure(&port.kind)))
     }
 
-    /// Fails if the port speaks TLS and the board cannot, with the certificates that it has.
+    /// Fails if the port speaks TLS and the board cannot, or lacks the certificates.
     pub(super) fn prepare<H: TcpHost>(&self, host: &H) -> Result<(), OpenError> {
         if self.is_secure() { host.prepare_tls(self.id) } else { Ok(()) }
     }
 
-    /// Begins TLS if the port speaks it; gives the client's role. A peer that may not connect gets no chance to.
+    /// Starts TLS if the port speaks it, and returns the client's role. A peer that may not connect gets no handshake.
     pub(super) async fn secure<S: TcpStream>(
         &self,
         stream: &mut S,

@@ -9,6 +9,8 @@ mod common;
 mod ethercat;
 #[path = "../../../../boards/linux/tests/web/http.rs"]
 mod http;
+#[path = "../../../../boards/linux/tests/ssh/openssh_client.rs"]
+mod openssh_client;
 #[path = "../../../../boards/linux/tests/ssh/payload.rs"]
 mod payload;
 mod points;

@@ -1,11 +1,10 @@
-//! The limits of the numbers and times in port lines.
+//! The limits of the numbers and times of ports.
 
 use core::ops::RangeInclusive;
 
 use embassy_time::Duration;
 
-use super::field::Count;
-use crate::settings::{SOCKETS_MAX, UDP_REQUESTS_MAX};
+use crate::settings::{Count, SOCKETS_MAX, UDP_REQUESTS_MAX};
 
 /// A time of at most this many seconds.
 const fn up_to(seconds: u64) -> RangeInclusive<Duration> {

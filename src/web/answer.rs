@@ -259,9 +259,10 @@ impl Content<'_, '_> {
                 out.write_str(if more && status.has_just_ended() { "\n\n" } else { "" }).map(|()| more)
             }
             Self::Settings { candidate, line } => {
-                let written = settings_line(source.gateway, *candidate, *line, out).transpose()?;
+                let is_one = settings_line(source.gateway, *candidate, *line, out).transpose()?.is_some();
+                out.write_str(if is_one { "\n" } else { "" })?;
                 *line += 1;
-                written.map_or(Ok(false), |()| out.write_str("\n").map(|()| true))
+                Ok(is_one)
             }
             Self::Diff(diff, part) => next_of_diff(source.gateway, diff, part, out),
             Self::Values(response, part) => {
@@ -307,12 +308,13 @@ fn next_of_diff(
     };
     // The candidate may be gone since the check; then nothing differs.
     let candidate = gateway.candidate().and_then(|candidate| candidate.settings().ok());
-    let next = candidate.as_ref().and_then(|new| gateway.settings(|in_force| diff.next(in_force, new)));
+    let mut ahead = diff.clone();
+    let next = candidate.as_ref().and_then(|new| gateway.settings(|in_force| ahead.next(in_force, new)));
     if let Some((sign, line)) = next {
-        *part = Part::More;
-        return write!(out, "{separator}{}", Quoted(format_args!("{sign} {line}"))).map(|()| true);
+        write!(out, "{separator}{}", Quoted(format_args!("{sign} {line}")))?;
+        (*diff, *part) = (ahead, Part::More);
+        return Ok(true);
     }
-    *part = Part::Over;
     out.write_str("],\"restarts\":[")?;
     if let Some(new) = &candidate {
         gateway.settings(|in_force| {
@@ -321,7 +323,9 @@ fn next_of_diff(
                 .try_for_each(|(nth, name)| write!(out, "{}{}", if nth > 0 { "," } else { "" }, Quoted(name)))
         })?;
     }
-    out.write_str("]}").map(|()| true)
+    out.write_str("]}")?;
+    *part = Part::Over;
+    Ok(true)
 }
 
 /// `{"unit":7,"took_us":1234,"address":0,"values":[1,2]}`

@@ -135,11 +135,6 @@ impl Machine {
         self.web_port
     }
 
-    /// The emulator's process.
-    pub fn id(&self) -> u32 {
-        self.child.id()
-    }
-
     /// A Modbus TCP client.
     pub fn client(&self) -> Client {
         Client::connect(self.port)

@@ -1,6 +1,4 @@
-// Clicks through the page: node page.js JSON. `base` is the page's address, `device` a serial line's name, `modbus` the TCP port to set and
-// `reached` the one that clients reach it by, `pid` the gateway's process, `name` what its figures begin with. Pictures go to `folder`.
-// With `views` each view is judged at each size and in each colour.
+// Clicks through the page: node page.js URL SERIAL-DEVICE TCP-PORT FOLDER GATEWAY-PID. Prints figures; pictures go to the folder.
 
 const { spawnSync } = require("node:child_process");
 const fs = require("node:fs");
@@ -8,7 +6,7 @@ const os = require("node:os");
 const path = require("node:path");
 const { chromium } = require("playwright-core");
 
-const { base, device, modbus, reached, folder, pid, name: prefix, views } = JSON.parse(process.argv[2]);
+const [base, device, modbus, folder, pid] = process.argv.slice(2);
 const AXE = fs.readFileSync(require.resolve("axe-core/axe.min.js"), "utf8");
 const ARGUMENTS = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update", "--disable-sync"];
 const VIEWS = ["overview", "devices", "rules", "points", "frames", "log", "users", "settings", "setup"];
@@ -25,7 +23,7 @@ function expect(what, well) {
 
 function figure(name, value, unit, most) {
   const shown = Number.isInteger(value) ? value : value.toFixed(1);
-  console.log(`figure ${prefix}${name} ${shown} ${unit} <=${most} ${value <= most ? "ok" : "short"}`);
+  console.log(`figure ${name} ${shown} ${unit} <=${most} ${value <= most ? "ok" : "short"}`);
   expect(`${name} is at most ${most}`, value <= most);
 }
 
@@ -84,7 +82,7 @@ async function setUp(context) {
   await page.getByRole("button", { name: "Next" }).and(page.locator(":enabled")).click();
   const found = await page.getByRole("region", { name: "Found devices" }).locator("tbody tr").count();
   expect("the scan finds three devices", found === 3);
-  await page.getByLabel("TCP port").fill(`${modbus}`);
+  await page.getByLabel("TCP port").fill(modbus);
   await shot(page, "setup-3");
   await page.getByRole("button", { name: "Commit" }).click();
   await page.getByText("The gateway works").waitFor();
@@ -96,7 +94,7 @@ async function setUp(context) {
 /// mbpoll reads what was set up. A device's register holds its unit id, and its address.
 function read() {
   for (const unit of [1, 2, 3]) {
-    const words = `-m tcp -p ${reached} -a ${unit} -t 4 -r 8 -c 1 -o 5 -1 127.0.0.1`;
+    const words = `-m tcp -p ${modbus} -a ${unit} -t 4 -r 8 -c 1 -o 5 -1 127.0.0.1`;
     const { status, stdout } = spawnSync("mbpoll", words.split(" "), { encoding: "utf8" });
     expect(`mbpoll reads unit ${unit}`, status === 0 && new RegExp(`\\[8\\]:\\s+${unit * 256 + 7}\\b`).test(stdout));
   }
@@ -117,12 +115,10 @@ async function firstPicture(context) {
   });
   let bytes = 0;
   session.on("Network.loadingFinished", ({ encodedDataLength }) => { bytes += encodedDataLength; });
-  const begin = Date.now();
   await page.goto(`${base}/`);
   await page.locator("svg.flow").waitFor();
-  const took = Date.now() - begin;
   const needed = requests.filter((at) => !/events|icon/.test(at));
-  console.log(`the first picture takes ${needed.map((at) => at.slice(base.length)).join(" ")}: ${bytes} bytes with all heads, and ${took} ms`);
+  console.log(`the first picture takes ${needed.map((at) => at.slice(base.length)).join(" ")}: ${bytes} bytes with all heads`);
   expect("nothing is asked for twice", new Set(needed).size === needed.length);
   figure("page_round_trips", Math.max(...needed.map((at) => trips.get(at))), "round trips", 4);
   await page.close();
@@ -225,12 +221,12 @@ async function byKeyboard(browser, state) {
 
 /// A gateway that does not respond: the page says so, and comes back.
 async function lostAndBack(page) {
-  process.kill(pid, "SIGSTOP");
+  process.kill(Number(pid), "SIGSTOP");
   try {
     await page.getByText("The gateway does not respond.").waitFor();
     await shot(page, "lost-1280");
   } finally {
-    process.kill(pid, "SIGCONT");
+    process.kill(Number(pid), "SIGCONT");
   }
   await page.getByText("live", { exact: true }).waitFor();
   expect("a lost connection is said, and comes back", true);
@@ -252,7 +248,7 @@ async function main() {
   }
   const browser = await chromium.launch({ executablePath: "/usr/bin/chromium", args: ARGUMENTS });
   try {
-    if (views) for (const width of [360, 1440]) for (const colours of ["light", "dark"]) await look(browser, state, width, colours);
+    for (const width of [360, 1440]) for (const colours of ["light", "dark"]) await look(browser, state, width, colours);
     await byKeyboard(browser, state);
   } finally {
     await browser.close();

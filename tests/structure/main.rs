@@ -12,6 +12,8 @@ use floors::FLOORS;
 /// Most lines of a file other than tests, and of any function from its signature to its end.
 const FILE_LINES_MAX: usize = 400;
 const FUNCTION_LINES_MAX: usize = 60;
+/// Most lines of a board's `main.rs`: what boards share is in libraries.
+const BOARD_LINES_MAX: usize = 99;
 
 /// The first files of the crates in which no files import each other in a circle, the core's in front.
 const CRATES: &[&str] = &[
@@ -99,4 +101,19 @@ fn no_file_and_no_function_is_longer_than_a_reader_follows() {
 fn is_test(file: &Path) -> bool {
     let room = file.iter().find(|folder| *folder == "src" || *folder == "tests");
     room.is_some_and(|room| room == "tests")
+}
+
+#[test]
+fn no_main_of_a_board_is_longer_than_its_own_things() {
+    let boards = Path::new(env!("CARGO_MANIFEST_DIR")).join("boards");
+    let folders: Vec<PathBuf> = boards.read_dir().unwrap().map(|entry| entry.unwrap().path()).collect();
+    // The others have no memory of their own: libraries, and the Linux program.
+    let boards: Vec<_> = folders.iter().filter(|folder| folder.join("regions.x").exists()).collect();
+    let lines = |board: &Path| std::fs::read_to_string(board.join("src/main.rs")).unwrap().lines().count();
+    let counted = boards.iter().map(|board| (board.display(), lines(board)));
+    let long = counted.filter(|(_, lines)| *lines > BOARD_LINES_MAX);
+    let faults: Vec<String> =
+        long.map(|(board, lines)| format!("{board}: main.rs has {lines} lines")).collect();
+    assert!(boards.len() > 4, "{boards:?}");
+    assert_none("too long", &faults);
 }

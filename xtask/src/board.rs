@@ -18,7 +18,7 @@ const TARGET: &str = "thumbv7em-none-eabihf";
 pub(crate) const RP2040: [&str; 1] = ["w5500_evb_pico"];
 
 /// The target that a board names in its `.cargo/config.toml`.
-fn target(board: &str) -> Outcome<String> {
+pub(crate) fn target(board: &str) -> Outcome<String> {
     if board == "core" {
         return Ok(TARGET.into());
     }

@@ -19,7 +19,7 @@ fn folders_with(file: &str) -> Outcome<Vec<PathBuf>> {
 }
 
 /// Folders of boards/ and tests/ with their own workspace.
-pub(crate) fn workspaces() -> Outcome<Vec<PathBuf>> {
+fn workspaces() -> Outcome<Vec<PathBuf>> {
     folders_with("Cargo.lock")
 }
 

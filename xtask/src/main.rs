@@ -73,6 +73,11 @@ enum Task {
     /// Runs the emulated board among devices: `qemu figures` measures it, `qemu soak N` loads it
     #[command(disable_help_flag = true)]
     Qemu(Words),
+    /// Sends so many random packets at each stage of a connection by SSH to the emulated board
+    Packets {
+        #[arg(value_parser = clap::value_parser!(u64).range(1..))]
+        count: u64,
+    },
     /// Measures the gateway in virtual time
     #[command(disable_help_flag = true)]
     Bench(Words),
@@ -156,6 +161,10 @@ fn carry_out(task: Task) -> Outcome {
         Task::Deb => test::deb().map(drop),
         Task::Qemu(Words { words }) => {
             run(cargo("run", &["--quiet", "--package", "mobgate-qemu", "--"]).args(words))
+        }
+        Task::Packets { count } => {
+            let test = ["--package", "mobgate-qemu", "--test", "qemu", "--", "--nocapture", "ssh::random"];
+            run(cargo("test", &test).env("MOBGATE_PACKETS", count.to_string()))
         }
         Task::Bench(Words { words }) => run(cargo("bench", &["--package", "mobgate", "--"]).args(words)),
         Task::Pty(Words { words }) => {

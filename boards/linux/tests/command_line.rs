@@ -43,7 +43,7 @@ fn a_service_manager_is_told_that_it_runs_goes_on_and_stops() {
 #[test]
 fn a_port_that_a_test_was_given_is_nobody_elses() {
     let given = common::free_port();
-    assert!(!common::reserve(given), "although nobody listens there yet");
+    assert!(!mobgate_simulator::ports::reserve(given), "although nobody listens there yet");
     assert_ne!(common::free_port(), given);
 }
 

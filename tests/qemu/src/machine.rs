@@ -1,12 +1,13 @@
 //! The emulator, started with its wires in a folder of its own, and ended with its owner.
 
 use std::io::{BufRead, BufReader, Write};
-use std::net::{Ipv4Addr, TcpListener};
 use std::os::unix::net::UnixStream;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::{Arc, Mutex};
 use std::thread;
+
+use mobgate_simulator::ports::free_port;
 
 use crate::{Bus, Client, Console, Figures, Image, PATIENCE, image, wait_for};
 
@@ -44,9 +45,7 @@ impl Machine {
     }
 
     fn start_only(folder: &Path, options: Options) -> Self {
-        // All are open until the others are known.
-        let free = [(); 3].map(|()| TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap());
-        let [port, ssh_port, web_port] = free.map(|listener| listener.local_addr().unwrap().port());
+        let [port, ssh_port, web_port] = [(); 3].map(|()| free_port());
         let mut command = Command::new(image::root().join("boards/qemu_mps2/emulate"));
         command.arg(options.image.build()).arg(folder.join("flash")).env("MOBGATE_WORDS", &options.words);
         for uart in 0..UARTS {

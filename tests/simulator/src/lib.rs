@@ -20,6 +20,7 @@ pub mod framing;
 pub mod master;
 pub mod net;
 pub mod own_network;
+pub mod ports;
 pub mod power_cuts;
 pub mod rig;
 pub mod serial;

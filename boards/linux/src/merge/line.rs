@@ -34,7 +34,7 @@ pub(super) struct Item {
     pub(super) name: String,
     pub(super) text: String,
     /// Without alignment blanks.
-    words: Vec<String>,
+    pub(super) words: Vec<String>,
 }
 
 impl Item {

@@ -3,12 +3,12 @@
 use std::io;
 use std::time::{Duration, Instant};
 
-use mobgate_simulator::random::Random;
+use mobgate_simulator::random::{Random, chosen};
 
 use super::raw::{Client, Stage, put};
 
-/// Random packets of each stage.
-const PACKETS: usize = 10_000;
+/// Random packets of each stage, unless `MOBGATE_PACKETS` says how many; then they take the time that they take.
+const PACKETS: u64 = 10_000;
 /// Time for those of a stage. A busy machine sends fewer.
 const TIME: Duration = Duration::from_secs(4);
 
@@ -78,8 +78,10 @@ pub(crate) fn send(
     stage: Stage,
     mut connect: impl FnMut() -> io::Result<Client>,
 ) -> (usize, usize) {
+    let asked = chosen("MOBGATE_PACKETS");
+    let (most, time) = (asked.unwrap_or(PACKETS) as usize, asked.map_or(TIME, |_| Duration::MAX));
     let (mut sent, mut connections, start) = (0, 0, Instant::now());
-    while sent < PACKETS && start.elapsed() < TIME {
+    while sent < most && start.elapsed() < time {
         connections += 1;
         let Ok(mut client) = connect().and_then(|client| client.reach(stage)) else { continue };
         for _ in 0..=random.index(40) {
@@ -90,7 +92,7 @@ pub(crate) fn send(
                 client.send(&payload(random, stage, client.channel))
             };
             sent += 1;
-            if done.is_err() || sent >= PACKETS || start.elapsed() > TIME {
+            if done.is_err() || sent >= most || start.elapsed() > time {
                 break;
             }
         }

@@ -1,6 +1,6 @@
 //! A gateway whose console is served at a TCP port of this machine, by a thread.
 
-use std::net::{Ipv4Addr, TcpListener};
+use std::net::Ipv4Addr;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
@@ -16,6 +16,7 @@ use mobgate_linux::tcp::TcpSockets;
 use mobgate_linux::{passwords, reactor};
 use mobgate_simulator::console::Medium;
 use mobgate_simulator::firmware::Firmware;
+use mobgate_simulator::ports::free_port;
 use mobgate_simulator::waiting::wait_for;
 use mobgate_ssh::{Board, SEED_BYTES, Visit, serve};
 use rustix::rand::{GetRandomFlags, getrandom};
@@ -93,7 +94,7 @@ impl Server {
         loader.feed(settings.as_bytes()).and_then(|()| loader.finish()).unwrap();
         gateway.apply(&draft).unwrap();
         drop(draft);
-        let port = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap().local_addr().unwrap().port();
+        let port = free_port();
         let counter = || &*Box::leak(Box::<AtomicUsize>::default());
         let ssh = OpenSsh::new(folder.path(), port);
         let server = Self { gateway, port, folder, ssh, ended: counter(), logged_in: counter() };

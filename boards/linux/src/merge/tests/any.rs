@@ -1,5 +1,6 @@
 //! Any settings file, as somebody might have written it.
 
+use super::{HASH, KEY};
 use crate::settings::parse;
 
 /// Numbers from a seed.

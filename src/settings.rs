@@ -46,6 +46,7 @@ pub(crate) use self::points::{LABEL_BYTES_MAX, POINTS_MAX};
 pub use self::policy::{AddressRange, Cut, Forbidden, Merge, Policy, Priority, Sharing};
 pub(crate) use self::port::Key;
 pub use self::port::{Port, PortKind};
+pub(crate) use self::port_limits::BAUD;
 pub(crate) use self::proof::PROOFS_MAX;
 pub use self::proof::{Proof, Proofs};
 pub use self::rule::{Destination, Route, Tag, UnitRange};

@@ -15,12 +15,16 @@ mod commands;
 mod guard;
 mod job;
 mod json;
+mod lines;
 // Replaced by a stub in images without the page.
 #[cfg_attr(not(feature = "page"), path = "web/no_page.rs")]
 mod page;
 mod piece;
 mod session;
+mod settings;
 mod status;
+#[cfg(test)]
+mod tests;
 mod transport;
 
 use core::cell::Cell;
@@ -117,9 +121,15 @@ pub async fn run<H: TcpHost, S: Store, Y: System>(
                 changed.wait().await;
             }
         };
-        match select(moved, accept(gateway, port_state, &port, host)).await {
+        let marked = async {
+            loop {
+                gateway.web.hour.mark(Instant::now(), gateway.port_states());
+                Timer::at(gateway.web.hour.due()).await;
+            }
+        };
+        match select(select(moved, marked), accept(gateway, port_state, &port, host)).await {
             // All tasks release the listener before a new one is opened.
-            Either::First(()) => yield_now().await,
+            Either::First(_) => yield_now().await,
             Either::Second(Ok((stream, peer))) => {
                 serve(gateway, port.id, stream, peer, (&mut *store, system)).await;
             }

@@ -15,6 +15,7 @@ mod goodput;
 mod in_step;
 mod line;
 mod merging;
+mod pages;
 mod paper;
 mod plot;
 mod points;
@@ -32,6 +33,7 @@ use figure::{Target, figure};
 fn main() {
     let groups: &[(&str, fn())] = &[
         ("line", line::figures),
+        ("pages", pages::figures),
         ("paper", paper::figures),
         ("sharing", sharing::figures),
         ("merging", merging::figures),

@@ -11,6 +11,8 @@ use super::certificates::certificate_name;
 use super::ethercat::ON_LOSS;
 use super::option::list;
 use super::port_values::{device, format, interface, meaning, prefixes, reserved_for, server_address};
+#[cfg(feature = "web")] // As what uses it.
+use super::shape::Shape;
 use super::values::{listen, name, number, time};
 use super::words::{Word, Words, Wrong};
 use crate::settings::{Allowed, Count, Field, MODBUS_TCP_PORT, Proofs, Time};
@@ -84,6 +86,22 @@ impl Field<'_> {
             Self::Flag(target, value) => *target == value,
             _ => true,
         }
+    }
+
+    /// The type of its values; `None` for a keyword that never is printed, as what it says is the default, or stands in a column.
+    // Only the web interface has settings by name.
+    #[cfg(feature = "web")]
+    pub(crate) fn shape(&self) -> Option<Shape> {
+        Some(match self {
+            Self::Framing(..) | Self::Side(..) => return None,
+            Self::Driver(..) | Self::Stream(..) | Self::Flag(..) if self.holds() => return None,
+            Self::Driver(..) | Self::Stream(..) | Self::Flag(..) => Shape::Flag,
+            Self::Small(_, Count(_, range))
+            | Self::Medium(_, Count(_, range))
+            | Self::Unit(_, Count(_, range))
+            | Self::Id(_, Count(_, range)) => Shape::Number(*range.start(), *range.end()),
+            _ => Shape::Text,
+        })
     }
 
     /// Writes ` KEYWORD VALUE`, unless it equals `default`.

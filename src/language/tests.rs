@@ -9,7 +9,7 @@ mod network;
 mod no_points;
 #[cfg(not(feature = "tls"))]
 mod no_tls;
-mod properties;
+pub(crate) mod properties;
 mod rules;
 mod texts;
 // And only one that was built with them has slaves.

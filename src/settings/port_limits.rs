@@ -13,7 +13,7 @@ const fn up_to(seconds: u64) -> RangeInclusive<Duration> {
 
 type Times = RangeInclusive<Duration>;
 
-pub(super) const BAUD: RangeInclusive<u32> = 1..=10_000_000;
+pub(crate) const BAUD: RangeInclusive<u32> = 1..=10_000_000;
 
 /// A longer gap would make any line useless; 0 is for lines that need none.
 pub(super) const SECOND: Times = up_to(1);

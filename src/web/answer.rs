@@ -15,13 +15,14 @@ use super::json::Quoted;
 use super::page::File;
 use super::piece::{Piece, ShortPiece, Source};
 use super::session;
+use super::settings::{Schema, Written};
 use super::status::Status;
 use crate::console::access::{self, Running};
 use crate::console::diff::restarting;
+use crate::gateway::Gateway;
 use crate::gateway::difference::Difference;
-use crate::gateway::web::Token;
-use crate::gateway::{Candidate, Gateway};
-use crate::language::{LineError, Shown, write_shown_line};
+use crate::gateway::web::{Hold, Token};
+use crate::language::LineError;
 
 /// Bytes of the longest answer that is made before it is sent.
 pub(super) const TEXT_BYTES_MAX: usize = if cfg!(feature = "long-requests") { 2_048 } else { 768 };
@@ -32,7 +33,10 @@ type Message = String<{ TEXT_BYTES_MAX / 4 }>;
 /// Time between two events of live values.
 const LIVE_PAUSE: Duration = Duration::from_secs(1);
 
-const FULL: &str = "as many as can be have live values: later, or GET /api/v1/status";
+const TEXT: &str = "text/plain; charset=utf-8";
+const PAGES_FULL: &str =
+    "four pages have live values, and more cannot: close one, or GET /api/v1/status now and then";
+const CAPTURES_FULL: &str = "two others get frames, and more cannot: stop one of them";
 
 /// Sent with each answer: it must be neither cached nor framed.
 const HEADERS: &[(&str, &str)] = &[
@@ -70,11 +74,8 @@ pub(super) enum Content<'s, 'g> {
     Status(Status),
     /// The status as events, until the session ends.
     Live(Status, Token),
-    /// The settings in force, or of the candidate, from a line on.
-    Settings {
-        candidate: bool,
-        line: usize,
-    },
+    Settings(Written),
+    Schema(Schema),
     Diff(Difference, Part),
     /// The response of a unit.
     Values(access::Response, Part),
@@ -91,6 +92,8 @@ pub(super) enum Part {
     Head,
     First,
     More,
+    /// The next rule, and whether one was told.
+    Rule(usize, bool),
     Over,
 }
 
@@ -155,10 +158,14 @@ impl<'s, 'g> Answer<'s, 'g> {
         connection: Connection<'_, R>,
         writer: W,
     ) -> Result<ResponseSent, W::Error> {
-        let is_live = matches!(self.content, Content::Live(..) | Content::Frames(_));
-        let held = is_live.then(|| source.gateway.web.hold());
-        if let Some(None) = held {
-            *self = Self::error(409, &FULL);
+        let hold = match self.content {
+            Content::Live(..) => Some((Hold::Events, PAGES_FULL)),
+            Content::Frames(_) => Some((Hold::Frames, CAPTURES_FULL)),
+            _ => None,
+        };
+        let held = hold.map(|(hold, full)| source.gateway.web.hold(hold).ok_or(full));
+        if let Some(Err(full)) = held {
+            *self = Self::error(409, &full);
         }
         let Self { status, header, content } = self;
         let status = StatusCode::new(*status);
@@ -195,8 +202,9 @@ struct Pieces<'a, 'b, 's, 'g> {
 
 impl Chunks for Pieces<'_, '_, '_, '_> {
     fn content_type(&self) -> &'static str {
-        match self.content {
-            Content::Settings { .. } | Content::Job(_) => "text/plain; charset=utf-8",
+        match *self.content {
+            Content::Settings(ref written) if !written.is_json() => TEXT,
+            Content::Job(_) => TEXT,
             Content::Frames(_) => "application/x-pcapng",
             Content::Live(..) => "text/event-stream",
             _ => "application/json",
@@ -258,12 +266,8 @@ impl Content<'_, '_> {
                 let more = status.next(source, out)?;
                 out.write_str(if more && status.has_just_ended() { "\n\n" } else { "" }).map(|()| more)
             }
-            Self::Settings { candidate, line } => {
-                let is_one = settings_line(source.gateway, *candidate, *line, out).transpose()?.is_some();
-                out.write_str(if is_one { "\n" } else { "" })?;
-                *line += 1;
-                Ok(is_one)
-            }
+            Self::Settings(written) => retried(written, |written| written.next(source.gateway, out)),
+            Self::Schema(schema) => retried(schema, |schema| schema.next(out)),
             Self::Diff(diff, part) => next_of_diff(source.gateway, diff, part, out),
             Self::Values(response, part) => {
                 if *part == Part::Over {
@@ -277,20 +281,15 @@ impl Content<'_, '_> {
     }
 }
 
-/// Line `n` of the settings.
-fn settings_line(
-    gateway: &Gateway<'_>,
-    of_candidate: bool,
-    n: usize,
-    mut out: &mut Piece,
-) -> Option<fmt::Result> {
-    match of_candidate.then(|| gateway.candidate().map(Candidate::settings)) {
-        Some(candidate) => write_shown_line(&*candidate?.ok()?, n, Shown::Apart, &mut out),
-        None => gateway.settings(|settings| write_shown_line(settings, n, Shown::Apart, &mut out)),
-    }
+/// Writes the next piece of `source`, which stays as it was after an error.
+fn retried<T: Clone, E>(source: &mut T, next: impl FnOnce(&mut T) -> Result<bool, E>) -> Result<bool, E> {
+    let mut ahead = source.clone();
+    let is_one = next(&mut ahead)?;
+    *source = ahead;
+    Ok(is_one)
 }
 
-/// `{"lines":["- ...","+ ..."],"restarts":["P1"]}`
+/// `{"lines":["- ...","+ ..."],"restarts":["P1"],"rules":[{"rule":2,"message":"never matches ..."}]}`
 fn next_of_diff(
     gateway: &Gateway<'_>,
     diff: &mut Difference,
@@ -299,11 +298,13 @@ fn next_of_diff(
 ) -> Result<bool, fmt::Error> {
     let separator = match part {
         Part::Head => {
+            out.write_str("{\"lines\":[")?;
             *part = Part::First;
-            return out.write_str("{\"lines\":[").map(|()| true);
+            return Ok(true);
         }
         Part::First => "",
         Part::More => ",",
+        Part::Rule(nth, is_one) => return next_of_rules(gateway, (*nth, *is_one), part, out),
         Part::Over => return Ok(false),
     };
     // The candidate may be gone since the check; then nothing differs.
@@ -323,8 +324,30 @@ fn next_of_diff(
                 .try_for_each(|(nth, name)| write!(out, "{}{}", if nth > 0 { "," } else { "" }, Quoted(name)))
         })?;
     }
-    out.write_str("]}")?;
-    *part = Part::Over;
+    out.write_str("],\"rules\":[")?;
+    *part = Part::Rule(0, false);
+    Ok(true)
+}
+
+/// The next rule of the candidate that is likely a mistake, from rule `nth` on.
+fn next_of_rules(
+    gateway: &Gateway<'_>,
+    (nth, is_one): (usize, bool),
+    part: &mut Part,
+    out: &mut Piece,
+) -> Result<bool, fmt::Error> {
+    let candidate = gateway.candidate().and_then(|candidate| candidate.settings().ok());
+    let mut rules = candidate.iter().flat_map(|new| {
+        (nth..new.routes.len()).filter_map(|at| new.rule_warning(at).map(|warning| (at, warning)))
+    });
+    let Some((at, warning)) = rules.next() else {
+        out.write_str("]}")?;
+        *part = Part::Over;
+        return Ok(true);
+    };
+    let comma = if is_one { "," } else { "" };
+    write!(out, "{comma}{{\"rule\":{},\"message\":{}}}", at + 1, Quoted(warning))?;
+    *part = Part::Rule(at + 1, true);
     Ok(true)
 }
 

@@ -33,11 +33,16 @@ pub(super) enum Call {
     LogOut,
     Status,
     Events,
-    Settings,
-    Candidate,
-    /// Lines that make the candidate, or change it.
+    /// As lines, or as JSON.
+    Settings(bool),
+    Candidate(bool),
+    /// What that JSON is.
+    Schema,
+    /// Lines that make the candidate, or change it; the same as JSON.
     Replace,
     Change,
+    ReplaceJson,
+    ChangeJson,
     Discard,
     Diff,
     Commit,
@@ -58,6 +63,8 @@ pub(super) enum Call {
     /// Writes a data point.
     Point,
     Frames,
+    /// What runs, and whether it is on trial.
+    Firmware,
 }
 
 /// The kind of a request's body.
@@ -77,8 +84,13 @@ const ROUTES: &[Route] = &[
     ("/api/v1/session", "DELETE", Call::LogOut, Takes::Nothing, None),
     ("/api/v1/status", "GET", Call::Status, Takes::Nothing, Some("show")),
     ("/api/v1/events", "GET", Call::Events, Takes::Nothing, Some("show")),
-    ("/api/v1/settings", "GET", Call::Settings, Takes::Nothing, Some("show")),
-    ("/api/v1/settings/candidate", "GET", Call::Candidate, Takes::Nothing, Some("show")),
+    ("/api/v1/settings", "GET", Call::Settings(false), Takes::Nothing, Some("show")),
+    ("/api/v1/settings/json", "GET", Call::Settings(true), Takes::Nothing, Some("show")),
+    ("/api/v1/settings/schema", "GET", Call::Schema, Takes::Nothing, Some("show")),
+    ("/api/v1/settings/candidate", "GET", Call::Candidate(false), Takes::Nothing, Some("show")),
+    ("/api/v1/settings/candidate/json", "GET", Call::Candidate(true), Takes::Nothing, Some("show")),
+    ("/api/v1/settings/candidate/json", "PUT", Call::ReplaceJson, Takes::Json, Some("candidate")),
+    ("/api/v1/settings/candidate/json", "POST", Call::ChangeJson, Takes::Json, Some("candidate")),
     ("/api/v1/settings/candidate", "PUT", Call::Replace, Takes::Lines, Some("candidate")),
     ("/api/v1/settings/candidate", "POST", Call::Change, Takes::Lines, Some("candidate")),
     ("/api/v1/settings/candidate", "DELETE", Call::Discard, Takes::Nothing, Some("discard")),
@@ -92,6 +104,16 @@ const ROUTES: &[Route] = &[
     ("/api/v1/log", "GET", Call::Tables(&[("log", Some(Show::Transactions))]), Takes::Nothing, Some("show")),
     ("/api/v1/audit", "GET", Call::Tables(&[("audit", Some(Show::Audit))]), Takes::Nothing, Some("password")),
     ("/api/v1/users", "GET", Call::Tables(&[("users", Some(Show::Users))]), Takes::Nothing, Some("show")),
+    ("/api/v1/units", "GET", Call::Tables(&[("units", Some(Show::Details))]), Takes::Nothing, Some("show")),
+    (
+        "/api/v1/network",
+        "GET",
+        Call::Tables(&[("network", Some(Show::Network))]),
+        Takes::Nothing,
+        Some("show"),
+    ),
+    ("/api/v1/ethercat", "GET", Call::Tables(ETHERCAT), Takes::Nothing, Some("show")),
+    ("/api/v1/update", "GET", Call::Firmware, Takes::Nothing, Some("show")),
     ("/api/v1/frames", "GET", Call::Frames, Takes::Nothing, Some("watch")),
     ("/api/v1/scan", "POST", Call::Scan, Takes::Json, Some("scan")),
     ("/api/v1/tune", "POST", Call::Tune, Takes::Json, Some("tune")),
@@ -102,6 +124,8 @@ const ROUTES: &[Route] = &[
     ("/api/v1/write", "POST", Call::Direct(Ask::Write), Takes::Json, Some("write")),
     ("/api/v1/ping", "POST", Call::Direct(Ask::Ping), Takes::Json, Some("ping")),
 ];
+
+const ETHERCAT: &[TableOf] = &[("ethercat", Some(Show::Ethercat)), ("modules", Some(Show::Modules))];
 
 /// The longest scan, at all speeds, takes a quarter of an hour with the time-out that is usual, and hours with a long one.
 const WORK_MAX: Duration = Duration::from_secs(12 * 3_600);

@@ -11,7 +11,9 @@ use super::answer::{Answer, Content, Part, TEXT_BYTES_MAX};
 use super::api::{Api, Call, Caller};
 use super::candidate::{self, Unchanged};
 use super::json::Quoted;
+use super::lines::{Lines, Untaken};
 use super::session::{COOKIE, Shown};
+use super::settings::{Schema, Written};
 use super::status::Status;
 use crate::console::access::{self, Ask, Denied, NotAsked};
 use crate::gateway::audit::Topic;
@@ -105,14 +107,18 @@ impl<'a, 'g, S: Store, Y: System> Api<'a, 'g, S, Y> {
                 self.takes_long();
                 Answer::ok(Content::Frames(caller.token))
             }
-            Call::Settings => Answer::ok(Content::Settings { candidate: false, line: 0 }),
-            Call::Candidate => {
-                self.with_candidate(|| Answer::ok(Content::Settings { candidate: true, line: 0 }))
+            Call::Settings(as_json) => Answer::ok(Content::Settings(Written::new(false, as_json))),
+            Call::Candidate(as_json) => {
+                self.with_candidate(|| Answer::ok(Content::Settings(Written::new(true, as_json))))
             }
+            Call::Schema => Answer::ok(Content::Schema(Schema::default())),
             Call::Diff => {
                 self.with_candidate(|| Answer::ok(Content::Diff(Difference::default(), Part::default())))
             }
-            Call::Replace | Call::Change => self.change(body, call == Call::Replace).await,
+            Call::Replace | Call::Change => self.change(Lines::Text(body), call == Call::Replace).await,
+            Call::ReplaceJson | Call::ChangeJson => {
+                self.change(Lines::Json(body), call == Call::ReplaceJson).await
+            }
             Call::Discard => self.of_candidate(Candidate::discard),
             Call::Commit => self.commit(caller, body).await,
             Call::Confirm => self.confirm(caller).await,
@@ -123,6 +129,7 @@ impl<'a, 'g, S: Store, Y: System> Api<'a, 'g, S, Y> {
                 self.gateway.web.stop.signal(());
                 Answer::done()
             }
+            Call::Firmware => self.firmware(),
             Call::Versions => self.versions().await,
             Call::BringBack => self.bring_back(caller, body).await,
             Call::Password => self.password(caller, body).await,
@@ -164,6 +171,21 @@ impl<'a, 'g, S: Store, Y: System> Api<'a, 'g, S, Y> {
         Answer::json(200, format_args!("{{{head}}}")).with_header("Set-Cookie", cookie)
     }
 
+    /// `GET /update`
+    fn firmware(&self) -> Answer<'a, 'g> {
+        let (version, board) = (env!("CARGO_PKG_VERSION"), Quoted(self.system.name()));
+        match self.system.firmware() {
+            Some(state) => {
+                let state = Quoted(state);
+                Answer::json(
+                    200,
+                    format_args!("{{\"version\":\"{version}\",\"board\":{board},\"state\":{state}}}"),
+                )
+            }
+            None => Answer::json(200, format_args!("{{\"version\":\"{version}\",\"board\":{board}}}")),
+        }
+    }
+
     fn of_candidate(&self, run: impl FnOnce(&Candidate) -> Result<(), Uncommitted>) -> Answer<'a, 'g> {
         match self.gateway.candidate().ok_or(Uncommitted::Nothing).and_then(run) {
             Ok(()) => Answer::done(),
@@ -180,7 +202,7 @@ impl<'a, 'g, S: Store, Y: System> Api<'a, 'g, S, Y> {
         }
     }
 
-    async fn change(&self, lines: &str, replaces: bool) -> Answer<'a, 'g> {
+    async fn change(&self, lines: Lines<'_>, replaces: bool) -> Answer<'a, 'g> {
         // As many as fit.
         let mut warnings = String::<{ TEXT_BYTES_MAX * 3 / 4 }>::new();
         let mut warn = |line: usize, warning: &crate::language::Warning| {
@@ -193,10 +215,10 @@ impl<'a, 'g, S: Store, Y: System> Api<'a, 'g, S, Y> {
         };
         match candidate::change(self.gateway, lines, replaces, &mut warn).await {
             Ok(count) => Answer::json(200, format_args!("{{\"changes\":{count},\"warnings\":[{warnings}]}}")),
-            Err(Unchanged::Line(number, error)) => {
-                let line = lines.lines().nth(number - 1).unwrap_or_default();
-                Answer::wrong_line(Some(number), line, &error)
+            Err(Unchanged::Untaken(Untaken::Line(number, line, error))) => {
+                Answer::wrong_line(Some(number), &line, &error)
             }
+            Err(Unchanged::Untaken(error)) => Answer::error(400, &error),
             Err(Unchanged::Uncommitted(error)) => uncommitted(&error),
         }
     }

@@ -70,14 +70,20 @@ export function follow() {
   events?.close();
   const source = new EventSource("/api/v1/events");
   events = source;
-  source.onmessage = (event) => take(JSON.parse(event.data));
+  source.onmessage = (event) => {
+    app.polled = false;
+    take(JSON.parse(event.data));
+  };
   source.onerror = () => {
     if (source.readyState !== EventSource.CLOSED || events !== source) return;
     setTimeout(async () => {
       if (events !== source || !app.user) return;
-      await get("status").then(take, () => {});
+      await get("status").then((status) => {
+        app.polled = true;
+        take(status);
+      }, () => {});
       if (events === source && app.user) follow();
-    }, 1500);
+    }, 2000);
   };
 }
 

@@ -9,7 +9,7 @@ const { chromium } = require("playwright-core");
 const [base, device, modbus, folder, pid] = process.argv.slice(2);
 const AXE = fs.readFileSync(require.resolve("axe-core/axe.min.js"), "utf8");
 const ARGUMENTS = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update", "--disable-sync"];
-const VIEWS = ["overview", "devices", "rules", "points", "frames", "log", "users", "settings", "setup"];
+const VIEWS = ["overview", "devices", "rules", "points", "ethercat", "frames", "log", "network", "users", "settings", "update", "setup"];
 // Longest wait for anything, on a busy machine.
 const PATIENCE = 60_000;
 
@@ -132,7 +132,18 @@ async function look(browser, state, width, colorScheme) {
     await page.goto(`${base}/#/${view}`);
     await page.locator(`main h1`).waitFor();
     await page.locator(`nav a[href="#/${view}"][aria-current]`).waitFor();
-    if (view === "devices") await page.locator("td button.link").first().click();
+    if (view === "devices") {
+      await page.locator("td button.link", { hasText: /^1$/ }).click();
+      await page.getByRole("img", { name: /^How long responses took/ }).waitFor();
+      await page.locator("td button.link", { hasText: /^77$/ }).click();
+      await page.getByRole("img", { name: /^silent: \d+ in the last hour/ }).waitFor();
+      await shot(page, `silent-${width}-${colorScheme}`);
+      await judge(page, "silent");
+      await page.locator("td button.link", { hasText: /^1$/ }).click();
+    }
+    if (view === "network") await page.getByText("Announced by mDNS").waitFor();
+    if (view === "ethercat") await page.getByText("holding 0 count 2 at 0").first().waitFor();
+    if (view === "update") await page.getByText("apt install").waitFor();
     if (view === "frames") await page.getByRole("button", { name: "Start" }).click();
     if (view === "rules") {
       await page.getByRole("button", { name: "Try", exact: true }).click();
@@ -147,6 +158,70 @@ async function look(browser, state, width, colorScheme) {
   await page.getByRole("button", { name: "Add a rule" }).click();
   await judge(page, `dialog-${width}-${colorScheme}`);
   await shot(page, `dialog-${width}-${colorScheme}`);
+  await context.close();
+}
+
+/// Lines, in force at once: a device of a MainDevice, and a unit that is asked in vain.
+async function more(context) {
+  const page = await open(context);
+  await page.goto(base);
+  await page.getByRole("navigation").waitFor();
+  const answers = await page.evaluate(async () => {
+    const line = (await (await fetch("/api/v1/status")).json()).ports.find((port) => port.role === "rtu client").port;
+    const call = async (path, kind, body) => (await fetch(`/api/v1/${path}`, { method: "POST", headers: { "Content-Type": kind }, body })).status;
+    return [
+      await call("settings/candidate", "text/plain", `port fieldbus ethercat interface ecat9 line ${line}\nslave 0 unit 1 holding 0 count 2`),
+      await call("settings/commit", "application/json", "{}"),
+      await call("ping", "application/json", JSON.stringify({ port: line, unit: 77 })),
+    ];
+  });
+  expect(`a fieldbus and a silent unit: ${answers}`, answers[0] === 200 && answers[1] === 204);
+  await page.close();
+}
+
+/// A rule below one that takes all its requests is marked in the candidate, and named before the commit.
+async function marks(browser, state) {
+  const context = await browser.newContext({ storageState: state });
+  const page = await open(context);
+  await page.goto(`${base}/#/rules`);
+  await page.getByRole("button", { name: "Add a rule" }).click();
+  await page.getByRole("dialog").getByLabel("Units").fill("2");
+  await page.getByRole("button", { name: "Put into the changes" }).click();
+  await page.locator("tr.dead", { hasText: "never matches" }).waitFor();
+  expect("a rule of the candidate that never matches is marked", true);
+  await shot(page, "never-1280");
+  await page.getByRole("button", { name: "Review and commit" }).click();
+  await page.getByRole("dialog").locator("ul.fault", { hasText: "never" }).waitFor();
+  await shot(page, "never-review-1280");
+  await judge(page, "never");
+  await page.getByRole("button", { name: "Cancel" }).click();
+  await page.getByRole("button", { name: "Discard" }).click();
+  await page.locator("tr.dead").waitFor({ state: "detached" });
+  await context.close();
+}
+
+/// Beside four pages that are live, a fifth works, and says how; and frames come.
+async function fivePages(browser, state) {
+  const context = await browser.newContext({ storageState: state });
+  const pages = [];
+  for (let nth = 0; nth < 5; nth += 1) {
+    const page = await open(context);
+    await page.goto(`${base}/#/frames`);
+    await page.getByRole("button", { name: "Start" }).waitFor();
+    pages.push(page);
+  }
+  const fifth = pages[4];
+  await fifth.getByText("Four other pages are open").waitFor();
+  await fifth.getByRole("button", { name: "Start" }).click();
+  await fifth.getByText("Waiting for frames.").waitFor();
+  spawnSync("mbpoll", `-m tcp -p ${modbus} -a 1 -t 4 -r 8 -c 1 -o 5 -1 127.0.0.1`.split(" "));
+  await fifth.locator("tbody tr").first().waitFor();
+  expect("a fifth page is refreshed, and gets frames", true);
+  await shot(fifth, "fifth-1280");
+  await judge(fifth, "fifth");
+  await pages[0].close();
+  await fifth.getByText("Four other pages are open").waitFor({ state: "detached" });
+  expect("a place that is free again is taken", true);
   await context.close();
 }
 
@@ -241,6 +316,7 @@ async function main() {
     await setUp(first);
     read();
     await firstPicture(first);
+    await more(first);
     state = await first.storageState();
   } finally {
     await first.close();
@@ -249,6 +325,8 @@ async function main() {
   const browser = await chromium.launch({ executablePath: "/usr/bin/chromium", args: ARGUMENTS });
   try {
     for (const width of [360, 1440]) for (const colours of ["light", "dark"]) await look(browser, state, width, colours);
+    await marks(browser, state);
+    await fivePages(browser, state);
     await byKeyboard(browser, state);
   } finally {
     await browser.close();

@@ -28,8 +28,12 @@ impl Tool {
             program: env::var_os("MOBGATE_PYTHON").unwrap_or(prepared.into()),
             install: "cargo xtask install peers".into(),
         };
-        let (good, said) = python.run(&["-c", "import pymodbus.simulator, serial, sunspec2"]);
-        assert!(good, "pymodbus, pyserial or pysunspec2 is missing: {}\n{said}", python.install);
+        let (good, said) = python.run(&["-c", "import jsonschema_rs, pymodbus.simulator, serial, sunspec2"]);
+        assert!(
+            good,
+            "jsonschema-rs, pymodbus, pyserial or pysunspec2 is missing: {}\n{said}",
+            python.install
+        );
         python
     }
 

@@ -165,7 +165,7 @@ fn lines_become_a_candidate_and_a_commit_puts_it_in_force_and_saves_it() {
     request("GET", "/candidate").gets(409);
     request("POST", "/candidate").lines("route P502 10 * * local\n# a comment\n").gets(200);
     let diff = request("GET", "/diff").gets(200).json();
-    assert_eq!(diff, json!({"lines": ["+ route P502 10      * * local"], "restarts": []}));
+    assert_eq!(diff, json!({"lines": ["+ route P502 10      * * local"], "restarts": [], "rules": []}));
     request("POST", "/commit").json(r#"{"confirmed":600}"#).gets(204);
     assert!(!fs::read_to_string(web.program.config()).unwrap().contains("P502 10"), "not saved yet");
     request("POST", "/rollback").gets(204);

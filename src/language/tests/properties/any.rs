@@ -194,7 +194,7 @@ fn any_name(nth: usize) -> Name {
     Name::try_from(std::format!("user.{nth}").as_str()).unwrap()
 }
 
-pub(super) fn any_settings() -> impl Strategy<Value = Box<Settings>> {
+pub(crate) fn any_settings() -> impl Strategy<Value = Box<Settings>> {
     (1..=PORTS_MAX)
         .prop_flat_map(|count| (0..count).map(any_port).collect::<Vec<_>>())
         .prop_flat_map(|ports| {

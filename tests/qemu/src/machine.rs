@@ -134,6 +134,11 @@ impl Machine {
         self.web_port
     }
 
+    /// The emulator's process.
+    pub fn id(&self) -> u32 {
+        self.child.id()
+    }
+
     /// A Modbus TCP client.
     pub fn client(&self) -> Client {
         Client::connect(self.port)

@@ -1,11 +1,10 @@
 //! The paths of the interface: who may call what. The table is the whole interface.
 
-use core::cell::Cell;
 use core::net::IpAddr;
 
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::mutex::Mutex;
-use embassy_time::{Duration, Instant, Timer};
+use embassy_time::{Duration, Timer};
 use picoserve::ResponseSent;
 use picoserve::io::Read;
 use picoserve::request::{Path, Request, RequestBody, RequestParts};
@@ -18,11 +17,12 @@ use super::page;
 use super::piece::Source;
 use super::session::{self, Shows};
 use super::status::TableOf;
+use super::transport::Life;
 use crate::console::access::{self, Ask, Denied, Show};
 use crate::gateway::Gateway;
 use crate::gateway::audit::{Actor, Topic};
 use crate::gateway::web::Token;
-use crate::hal::{Store, System};
+use crate::hal::{Store, System, Update};
 use crate::settings::{Name, PortId, Role};
 
 /// What is called.
@@ -65,6 +65,9 @@ pub(super) enum Call {
     Frames,
     /// What runs, and whether it is on trial.
     Firmware,
+    /// Takes something newer; takes back what is on trial.
+    Update,
+    GoBack,
 }
 
 /// The kind of a request's body.
@@ -73,6 +76,8 @@ enum Takes {
     Nothing,
     Lines,
     Json,
+    /// New firmware, which is taken as it comes.
+    Image,
 }
 
 /// Path, method, call, body, and the command of the console that needs the same role; none: every user may.
@@ -114,6 +119,8 @@ const ROUTES: &[Route] = &[
     ),
     ("/api/v1/ethercat", "GET", Call::Tables(ETHERCAT), Takes::Nothing, Some("show")),
     ("/api/v1/update", "GET", Call::Firmware, Takes::Nothing, Some("show")),
+    ("/api/v1/update", "POST", Call::Update, Takes::Image, Some("update")),
+    ("/api/v1/update", "DELETE", Call::GoBack, Takes::Nothing, Some("update")),
     ("/api/v1/frames", "GET", Call::Frames, Takes::Nothing, Some("watch")),
     ("/api/v1/scan", "POST", Call::Scan, Takes::Json, Some("scan")),
     ("/api/v1/tune", "POST", Call::Tune, Takes::Json, Some("tune")),
@@ -134,17 +141,18 @@ const CLEARTEXT: &str = "it is not encrypted: from this machine only, unless the
 const LOG_IN: &str = "log in first: POST /api/v1/session with user and password";
 
 /// The interface for one connection.
-pub(super) struct Api<'a, 'g, S, Y> {
+pub(super) struct Api<'a, 'g, S, U, Y> {
     pub(super) gateway: &'a Gateway<'g>,
     pub(super) store: Mutex<NoopRawMutex, &'a mut S>,
+    pub(super) update: Mutex<NoopRawMutex, &'a mut U>,
     pub(super) system: &'a Y,
     /// The port, and the client.
     pub(super) port: PortId,
     pub(super) peer: IpAddr,
     /// Whether other machines may use it.
     pub(super) cleartext: bool,
-    /// When the connection ends.
-    pub(super) end: &'a Cell<Instant>,
+    /// The connection.
+    pub(super) life: &'a Life,
 }
 
 /// Who calls.
@@ -161,7 +169,7 @@ impl Caller {
     }
 }
 
-impl<S: Store, Y: System> PathRouterService for Api<'_, '_, S, Y> {
+impl<S: Store, U: Update, Y: System> PathRouterService for Api<'_, '_, S, U, Y> {
     async fn call_path_router_service<R: Read, W: ResponseWriter<Error = R::Error>>(
         &self,
         (): &(),
@@ -178,10 +186,10 @@ impl<S: Store, Y: System> PathRouterService for Api<'_, '_, S, Y> {
     }
 }
 
-impl<'a, 'g, S: Store, Y: System> Api<'a, 'g, S, Y> {
+impl<'a, 'g, S: Store, U: Update, Y: System> Api<'a, 'g, S, U, Y> {
     /// The connection stays for the longest work; whoever waits for it must take what is sent.
     pub(super) fn takes_long(&self) {
-        self.end.set(Instant::now() + WORK_MAX);
+        self.life.lasts(WORK_MAX);
     }
 
     async fn answer<R: Read>(
@@ -199,6 +207,9 @@ impl<'a, 'g, S: Store, Y: System> Api<'a, 'g, S, Y> {
         };
         if let Err(refusal) = takes.check(parts, body.content_length()) {
             return refusal;
+        }
+        if let (Takes::Image, Some(caller)) = (takes, &caller) {
+            return self.update(caller, body).await;
         }
         if !body.entire_body_fits_into_buffer() {
             return Answer::error(413, &"the body is too large");
@@ -303,6 +314,7 @@ impl Takes {
             Self::Nothing => return Ok(()),
             Self::Lines => "text/plain",
             Self::Json => "application/json",
+            Self::Image => "application/octet-stream",
         };
         let told = parts.headers().get("content-type");
         let told = told.as_ref().and_then(|told| told.as_str().ok()).unwrap_or_default();

@@ -23,7 +23,7 @@ use crate::gateway::direct_request::DirectRequestError;
 use crate::gateway::enter::Refused;
 use crate::gateway::web::Token;
 use crate::gateway::{Candidate, Credential};
-use crate::hal::{Store, System};
+use crate::hal::{Store, System, Update};
 use crate::settings::Name;
 
 /// Fits each text of a body in which characters are escaped.
@@ -86,11 +86,11 @@ pub(super) fn uncommitted<'s, 'g>(error: &Uncommitted) -> Answer<'s, 'g> {
     Answer::error(if matches!(error, Uncommitted::Apply(_)) { 422 } else { 409 }, error)
 }
 
-impl<'a, 'g, S: Store, Y: System> Api<'a, 'g, S, Y> {
+impl<'a, 'g, S: Store, U: Update, Y: System> Api<'a, 'g, S, U, Y> {
     pub(super) async fn run(&self, call: Call, caller: &Caller, body: &str) -> Answer<'a, 'g> {
         match call {
-            // A log-in needs no session.
-            Call::LogIn => Answer::done(),
+            // A log-in needs no session, and an image is taken as it comes.
+            Call::LogIn | Call::Update => Answer::done(),
             Call::Session => {
                 let (user, role) = (Quoted(&caller.name), caller.role);
                 Answer::json(200, format_args!("{{\"user\":{user},\"role\":\"{role}\"}}"))
@@ -130,6 +130,7 @@ impl<'a, 'g, S: Store, Y: System> Api<'a, 'g, S, Y> {
                 Answer::done()
             }
             Call::Firmware => self.firmware(),
+            Call::GoBack => self.go_back(caller),
             Call::Versions => self.versions().await,
             Call::BringBack => self.bring_back(caller, body).await,
             Call::Password => self.password(caller, body).await,
@@ -169,21 +170,6 @@ impl<'a, 'g, S: Store, Y: System> Api<'a, 'g, S, Y> {
         }
         let cookie = format_args!("{COOKIE}={token}; HttpOnly; SameSite=Strict; Path=/");
         Answer::json(200, format_args!("{{{head}}}")).with_header("Set-Cookie", cookie)
-    }
-
-    /// `GET /update`
-    fn firmware(&self) -> Answer<'a, 'g> {
-        let (version, board) = (env!("CARGO_PKG_VERSION"), Quoted(self.system.name()));
-        match self.system.firmware() {
-            Some(state) => {
-                let state = Quoted(state);
-                Answer::json(
-                    200,
-                    format_args!("{{\"version\":\"{version}\",\"board\":{board},\"state\":{state}}}"),
-                )
-            }
-            None => Answer::json(200, format_args!("{{\"version\":\"{version}\",\"board\":{board}}}")),
-        }
     }
 
     fn of_candidate(&self, run: impl FnOnce(&Candidate) -> Result<(), Uncommitted>) -> Answer<'a, 'g> {

@@ -5,7 +5,7 @@ use mobgate::gateway::Candidate;
 use mobgate::web;
 use mobgate_net::{Sockets, TcpSockets};
 
-use crate::board::{Board, Store};
+use crate::board::{Board, NO_UPDATE, Store};
 use crate::gateway::GATEWAY;
 use crate::network::WEB_CONNECTIONS;
 
@@ -14,7 +14,8 @@ pub(crate) static CANDIDATE: Candidate = Candidate::new();
 
 #[embassy_executor::task(pool_size = WEB_CONNECTIONS)]
 async fn connection(nth: usize, sockets: &'static Sockets, mut store: Store, board: &'static Board) {
-    web::run(&GATEWAY, nth, &mut TcpSockets::new(sockets), &mut store, board).await
+    let mut update = NO_UPDATE;
+    web::run(&GATEWAY, nth, &mut TcpSockets::new(sockets), (&mut store, &mut update), board).await
 }
 
 #[embassy_executor::task]

@@ -234,6 +234,22 @@ fn large_bodies_and_endless_heads_are_refused_and_slow_ones_are_cut() {
     all_sockets_are_free(&bench, free);
 }
 
+#[test]
+fn new_firmware_is_refused_with_the_reason_and_nothing_is_on_trial() {
+    let bench = Bench::new("");
+    let (anna, vera) = (bench.token("anna"), bench.token("vera"));
+    let image = |token| {
+        let request = bench.request("POST", "/api/v1/update").bearer(token);
+        request.body("application/octet-stream", &[0; 300_000])
+    };
+    image(&vera).gets(403);
+    // Whoever has sent all reads why.
+    let refused = image(&anna).gets(409);
+    assert!(refused.message().contains("QEMU starts the image that it is given"), "{refused:?}");
+    bench.request("DELETE", "/api/v1/update").bearer(&anna).gets(409);
+    bench.request("GET", "/api/v1/update").bearer(&anna).gets(200);
+}
+
 fn connect(bench: &Bench) -> TcpStream {
     let stream = TcpStream::connect((Ipv4Addr::LOCALHOST, bench.machine.web_port())).unwrap();
     stream.set_read_timeout(Some(PATIENCE)).unwrap();

@@ -1,16 +1,12 @@
 //! The web interface: a task for each connection, and one that takes back commits which nobody confirms.
 
 use embassy_executor::Spawner;
-use mobgate::gateway::Candidate;
 use mobgate::web;
 use mobgate_net::{Sockets, TcpSockets};
 
 use crate::board::{Board, NO_UPDATE, Store};
 use crate::gateway::GATEWAY;
 use crate::network::WEB_CONNECTIONS;
-
-/// The settings that are being changed, or those to go back to.
-pub(crate) static CANDIDATE: Candidate = Candidate::new();
 
 #[embassy_executor::task(pool_size = WEB_CONNECTIONS)]
 async fn connection(nth: usize, sockets: &'static Sockets, mut store: Store, board: &'static Board) {

@@ -24,6 +24,8 @@ pub(crate) enum Suite {
     Package,
     /// The web interface's page in a browser
     Browser,
+    /// The same page on the emulated board
+    QemuBrowser,
     /// Random worlds, many times more than in `workspace`
     Torture,
     /// EtherCAT: third-party MainDevices, thousands of cycles and restarts, and the conformance measurements
@@ -39,6 +41,7 @@ impl Suite {
             Self::Rp2040 => &[Group::Rp2040, Group::Thumb],
             Self::Package => &[Group::Package],
             Self::Browser => &[Group::Browser],
+            Self::QemuBrowser => &[Group::Qemu, Group::Thumb, Group::Browser],
             Self::Torture => &[],
         }
     }
@@ -94,6 +97,10 @@ fn run_one(suite: Suite) -> Outcome {
         Suite::Browser => {
             let tests = ["--package", "mobgate-linux", "--test", "browser", "--test", "web"];
             run(cargo("test", &tests).args(["--", "--nocapture", "in_a_browser", "the_page"]))
+        }
+        Suite::QemuBrowser => {
+            let tests = ["--package", "mobgate-qemu", "--test", "browser"];
+            run(cargo("test", &tests).args(["--", "--nocapture"]))
         }
         Suite::Torture => {
             let tests = ["--test", "gateway", "--test", "ethercat", "torture"];

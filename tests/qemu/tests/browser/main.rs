@@ -2,6 +2,7 @@
 //! read. `cargo xtask test qemu-browser` runs it.
 
 use std::process::Command;
+use std::time::Duration;
 
 use mobgate_qemu::{Bus, Image, Machine, Options, image};
 use serde_json::json;
@@ -14,6 +15,8 @@ fn a_board_is_set_up_and_watched_in_a_browser() {
     let flash = tempfile::tempdir().unwrap();
     let machine = Machine::start(flash.path(), Options { image: Image::Web, ..Options::default() });
     let bus = Bus::new([1, 2, 3]);
+    // At 9600 baud the board sends a request for 9 ms.
+    bus.answer_after(Duration::from_millis(60));
     machine.wire(1, &bus);
     let mut console = machine.console();
     // The first user is made at the board.

@@ -355,10 +355,15 @@ fn a_web_interface_is_a_port_and_there_is_one() {
     assert_eq!(print(&settings), format!("{line}\n"));
     apply_all(&mut settings, &["edit port web no-cleartext allow * listen 8080"]);
     assert_eq!(print(&settings), "port web http server 8080\n");
+    let words = if TLS {
+        "\"broadcast\": expected listen, allow, cleartext, metrics, tls, certificate or trust"
+    } else {
+        "\"broadcast\": expected listen, allow, cleartext or metrics"
+    };
     for (line, expected) in [
         ("port web http client 80", "\"client\": expected server"),
         ("port web http server", "end of line: expected a TCP port"),
-        ("edit port web broadcast off", "\"broadcast\": expected listen, allow, cleartext"),
+        ("edit port web broadcast off", words),
         ("port other http server 81", "\"81\": there is an http server already"),
         ("port P8080 tcp server 8080", "\"8080\": another port listens there"),
     ] {

@@ -159,31 +159,32 @@ fn carry_out(task: Task) -> Outcome {
         Task::Sizes { boards } => sizes::print(&boards),
         Task::Arm => board::arm(),
         Task::Deb => test::deb().map(drop),
-        Task::Qemu(Words { words }) => {
-            run(cargo("run", &["--quiet", "--package", "mobgate-qemu", "--"]).args(words))
-        }
+        Task::Qemu(Words { words }) => run(&mut command(test::build("mobgate-qemu")?, &words)),
         Task::Packets { count } => {
-            let test = ["--package", "mobgate-qemu", "--test", "qemu", "--", "--nocapture", "ssh::random"];
-            run(cargo("test", &test).env("MOBGATE_PACKETS", count.to_string()))
+            let test = ["--test", "qemu", "--", "--nocapture", "ssh::random"];
+            run(test::tests(&test).env("MOBGATE_PACKETS", count.to_string()))
         }
-        Task::Bench(Words { words }) => run(cargo("bench", &["--package", "mobgate", "--"]).args(words)),
+        Task::Bench(Words { words }) => {
+            let mut cargo = cargo("bench", &["--package", "mobgate", "--"]);
+            run(test::short_paths(&mut cargo).args(words))
+        }
         Task::Pty(Words { words }) => {
-            run(cargo("bench", &["--package", "mobgate-linux", "--bench", "pty", "--"]).args(words))
+            let mut cargo = cargo("bench", &["--package", "mobgate-linux", "--bench", "pty", "--"]);
+            run(test::short_paths(&mut cargo).args(words))
         }
         Task::Counts(Words { words }) => {
             install::check(&[Group::Counts])?;
             // Without epoll_pwait2, which many versions of valgrind do not know.
             let program = "--quiet --package mobgate-linux --no-default-features --features demo --bench pty";
             let program: Vec<_> = program.split(' ').collect();
-            run(cargo("bench", &program).args(["--", "counts", "refusals"]).args(words))
+            let mut cargo = cargo("bench", &program);
+            run(test::short_paths(&mut cargo).args(["--", "counts", "refusals"]).args(words))
         }
         Task::Peers(choice) => peers::measure(&choice),
         Task::Schemathesis(choice) => schemathesis::ask(&choice),
         Task::Libmodbus => run(&mut command("tests/peers/libmodbus", &[""; 0])),
         Task::Fuzz { seconds, targets } => fuzz::all(seconds, &targets),
-        Task::Mutation(Words { words }) => {
-            run(cargo("run", &["--quiet", "--package", "mobgate-mutants", "--"]).args(words))
-        }
+        Task::Mutation(Words { words }) => run(&mut command(test::build("mobgate-mutants")?, &words)),
         Task::UnderLoad(choice) => under_load::run_all(&choice),
         Task::Book { check } => book::make(check),
         Task::Deny => habits::deny(),

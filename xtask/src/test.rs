@@ -70,12 +70,12 @@ pub(crate) fn run_all(suites: &[Suite], install: bool) -> Outcome {
 fn run_one(suite: Suite) -> Outcome {
     match suite {
         Suite::Workspace => {
-            run(&mut cargo("test", &["--workspace"]))?;
+            run(&mut tests(&[]))?;
             // The feature set of boards without EtherCAT, plus IPv6: no data points, no captures.
             let core = ["--package", "mobgate", "--lib", "--no-default-features", "--features", "ipv6"];
             run(&mut cargo("test", &core))
         }
-        Suite::Qemu => run(&mut cargo("test", &["--package", "mobgate-qemu", "--test", "qemu"])),
+        Suite::Qemu => run(&mut tests(&["--test", "qemu"])),
         Suite::Stm32 => {
             board::nucleos()?.iter().try_for_each(|board| board::build_both(board))?;
             // With its figures.
@@ -90,23 +90,31 @@ fn run_one(suite: Suite) -> Outcome {
         Suite::Package => {
             deb()?;
             // Its demo is the device behind the packaged gateway.
-            run(&mut cargo("build", &["--package", "mobgate-linux", "--bin", "mobgate"]))?;
+            build("mobgate")?;
             run(&mut command("tests/package/run", &[""; 0]))
         }
         // With its figures; the pictures are in target/browser.
         Suite::Browser => {
-            let tests = ["--package", "mobgate-linux", "--test", "browser", "--test", "web"];
-            run(cargo("test", &tests).args(["--", "--nocapture", "in_a_browser", "the_page"]))
+            let words =
+                ["--test", "browser", "--test", "web", "--", "--nocapture", "in_a_browser", "the_page"];
+            run(&mut tests(&words))
         }
         Suite::QemuBrowser => {
             let tests = ["--package", "mobgate-qemu", "--test", "browser"];
             run(cargo("test", &tests).args(["--", "--nocapture"]))
         }
         Suite::Torture => {
-            let tests = ["--test", "gateway", "--test", "ethercat", "torture"];
-            run(cargo("test", &tests)
-                .args(["--", "--nocapture", "--test-threads=2"])
-                .env("MOBGATE_SEEDS", "4000"))
+            let words = [
+                "--test",
+                "gateway",
+                "--test",
+                "ethercat",
+                "torture",
+                "--",
+                "--nocapture",
+                "--test-threads=2",
+            ];
+            run(tests(&words).env("MOBGATE_SEEDS", "4000"))
         }
         Suite::Maindevices => {
             main_devices("1", &["foreign::pysoem", "foreign::soemx", "foreign::in_process"])?;
@@ -119,6 +127,20 @@ fn run_one(suite: Suite) -> Outcome {
             )
         }
     }
+}
+
+/// Tests of the workspace. One package alone would have its dependencies compiled once more, with fewer features.
+pub(crate) fn tests(words: &[&str]) -> Command {
+    let mut cargo = cargo("test", &["--workspace"]);
+    cargo.args(words);
+    cargo
+}
+
+/// Builds a program of the workspace, likewise.
+pub(crate) fn build(name: &str) -> Outcome<PathBuf> {
+    // Beside a test it has the dependencies that tests have, or else these would be compiled once more.
+    run(&mut cargo("build", &["--quiet", "--workspace", "--test", "structure", "--bin", name]))?;
+    Ok(root().join("target/debug").join(name))
 }
 
 /// cargo for the emulator of the STM32 boards, a workspace of its own.
@@ -149,20 +171,24 @@ fn is_root() -> Outcome<bool> {
 
 /// Each test exchanges process data 100 000 times and restarts 500 times, without a single failure; `at_a_time` run in parallel.
 fn main_devices(at_a_time: &str, tests: &[&str]) -> Outcome {
-    let mut cargo = cargo("test", &["--test", "ethercat", "--", "--nocapture", "--test-threads", at_a_time]);
+    let mut cargo = self::tests(&["--test", "ethercat", "--", "--nocapture", "--test-threads", at_a_time]);
     run(cargo.args(tests).env("MOBGATE_CYCLES", "100000").env("MOBGATE_RESTARTS", "500"))
+}
+
+/// Lets cargo build the same wherever it is, with the dependencies of the Debian package.
+pub(crate) fn short_paths(cargo: &mut Command) -> &mut Command {
+    let flags =
+        board::remapped(Path::new("rustc")).map(|path| format!("--remap-path-prefix={}/=", path.display()));
+    // Separated as cargo wants it, for folders with spaces.
+    cargo.env("CARGO_ENCODED_RUSTFLAGS", flags.collect::<Vec<_>>().join("\x1f"))
 }
 
 /// Builds the Debian package, the same wherever it is built.
 pub(crate) fn deb() -> Outcome<PathBuf> {
     install::check(&[Group::Package])?;
-    let flags =
-        board::remapped(Path::new("rustc")).map(|path| format!("--remap-path-prefix={}/=", path.display()));
-    // Separated as cargo wants it, for folders with spaces.
-    let flags = flags.collect::<Vec<_>>().join("\x1f");
     let mut cargo =
         command("cargo", &["deb", "--quiet", "--locked", "--strip", "--package", "mobgate-linux"]);
-    let printed = output(cargo.env("CARGO_ENCODED_RUSTFLAGS", flags).envs(release::date()))?;
+    let printed = output(short_paths(&mut cargo).envs(release::date()))?;
     let package = root().join(printed.lines().last().unwrap_or_default());
     built(&package)?;
     Ok(package)

@@ -62,7 +62,6 @@ impl Wires {
         interrupts: impl Binding<DMA2_STREAM3, dma::InterruptHandler<DMA2_CH3>>
         + Binding<DMA2_STREAM0, dma::InterruptHandler<DMA2_CH0>>
         + Binding<EXTI15_10, exti::InterruptHandler<EXTI15_10>>
-        + Copy
         + 'static,
     ) -> Self {
         let mut config = Config::default();

@@ -99,10 +99,7 @@ fn run_one(suite: Suite) -> Outcome {
                 ["--test", "browser", "--test", "web", "--", "--nocapture", "in_a_browser", "the_page"];
             run(&mut tests(&words))
         }
-        Suite::QemuBrowser => {
-            let tests = ["--package", "mobgate-qemu", "--test", "browser"];
-            run(cargo("test", &tests).args(["--", "--nocapture"]))
-        }
+        Suite::QemuBrowser => run(&mut tests(&["--test", "qemu_browser", "--", "--nocapture"])),
         Suite::Torture => {
             let words = [
                 "--test",

@@ -48,7 +48,8 @@
 //! With the feature `small` some are lower, for boards with little memory. Without the feature `points` there are no data points,
 //! and no memory for them. Without `ipv6` settings accept IPv4 addresses only, as on boards with their own Ethernet. Without
 //! `servers` a TCP client has one server, given by its address. Without `capture` no frames are stored. Without `paths` names of
-//! serial devices are short, as on boards. Without `web` there is no web interface. Without `ssh` there are no SSH servers and no
+//! serial devices are short, as on boards. Without `web` there is no web interface; without
+//! `long-requests` its requests, and some of its answers, are shorter. Without `ssh` there are no SSH servers and no
 //! public keys of users.
 //!
 //! | limit | value | why |

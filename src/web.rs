@@ -27,8 +27,8 @@ mod status;
 #[cfg(test)]
 mod tests;
 mod transport;
+mod update;
 
-use core::cell::Cell;
 use core::future::pending;
 use core::net::SocketAddr;
 
@@ -39,9 +39,9 @@ use embassy_time::{Duration, Instant, Timer};
 use picoserve::{Config, Router, Server, Timeouts, time};
 
 use self::api::{Api, Terms};
-use self::transport::{Clock, Halves, REQUEST_BYTES_MAX};
+use self::transport::{Clock, Halves, Life, REQUEST_BYTES_MAX};
 use crate::gateway::{Gateway, PortState};
-use crate::hal::{OpenError, OpenErrorKind, Store, System, TcpHost, TcpStream};
+use crate::hal::{OpenError, OpenErrorKind, Store, System, TcpHost, TcpStream, Update};
 use crate::port::server::handshake::handshake;
 use crate::port::server::listening;
 use crate::settings::{Allowed, HttpSettings, PortId, PortKind, Settings, TcpListen};
@@ -96,11 +96,11 @@ fn server(settings: &Settings, id: PortId) -> Option<&HttpSettings> {
 }
 
 /// Serves one connection after another, forever, as task number `nth`: a board runs up to 8, which are as many connections at a time.
-pub async fn run<H: TcpHost, S: Store, Y: System>(
+pub async fn run<H: TcpHost, S: Store, U: Update, Y: System>(
     gateway: &Gateway<'_>,
     nth: usize,
     host: &mut H,
-    store: &mut S,
+    (store, update): (&mut S, &mut U),
     system: &Y,
 ) {
     let Some(changed) = gateway.web.changed(nth) else { return pending().await };
@@ -133,7 +133,7 @@ pub async fn run<H: TcpHost, S: Store, Y: System>(
             // All tasks release the listener before a new one is opened.
             Either::First(_) => yield_now().await,
             Either::Second(Ok((stream, peer))) => {
-                serve(gateway, port.id, stream, peer, (&mut *store, system)).await;
+                serve(gateway, port.id, (stream, peer), (&mut *store, &mut *update), system).await;
             }
             Either::Second(Err(error)) => {
                 listening::fails(port_state, "TCP", port.listen.port, error);
@@ -163,21 +163,15 @@ async fn accept<'h, H: TcpHost>(
     host.accept(&port.listen).await
 }
 
-/// Waits until a time that may be extended.
-async fn until(end: &Cell<Instant>) {
-    while Instant::now() < end.get() {
-        Timer::at(end.get()).await;
-    }
-}
-
 /// Serves the client at `peer`.
-async fn serve<S: Store, Y: System>(
+async fn serve<S: Store, U: Update, Y: System>(
     gateway: &Gateway<'_>,
     id: PortId,
-    mut stream: impl TcpStream,
-    peer: SocketAddr,
-    (store, system): (&mut S, &Y),
+    (mut stream, peer): (impl TcpStream, SocketAddr),
+    (store, update): (&mut S, &mut U),
+    system: &Y,
 ) {
+    let life = Life::new(AGE_MAX);
     let peer = peer.ip().to_canonical();
     let terms = gateway.settings(|settings| {
         server(settings, id)
@@ -189,21 +183,24 @@ async fn serve<S: Store, Y: System>(
             return stream.close().await;
         }
         let mut buffer = [0; REQUEST_BYTES_MAX];
-        let end = Cell::new(Instant::now() + AGE_MAX);
         let app = Router::from_service(Api {
             gateway,
             store: Mutex::new(store),
+            update: Mutex::new(update),
             system,
             port: id,
             peer,
             terms,
-            end: &end,
+            life: &life,
         });
-        let server = Server::custom(&app, Clock, &CONFIG, &mut buffer);
+        let server = Server::custom(&app, Clock(&life), &CONFIG, &mut buffer);
         // An error ends the connection.
-        select(server.serve(Halves::new(&mut stream)), until(&end)).await;
+        select(server.serve(Halves::new(&mut stream, &life)), life.is_over()).await;
     } else {
         listening::refuses(gateway, id, peer, Event::Unwelcome);
     }
     stream.close().await;
+    if life.restarts.get() {
+        system.reboot();
+    }
 }

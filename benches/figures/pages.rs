@@ -4,7 +4,7 @@ use std::cell::Cell;
 use std::rc::Rc;
 
 use embedded_io_async::{Read, Write};
-use mobgate::hal::System;
+use mobgate::hal::{NoUpdate, System};
 use mobgate::web;
 use mobgate_simulator::console::Medium;
 use mobgate_simulator::net::Network;
@@ -76,7 +76,10 @@ fn transactions(pages: u8) -> (f64, u32) {
         let (gateway, events) = (rig.gateway, Rc::new(Cell::new(0)));
         for nth in 0..usize::from(PAGES) {
             let (mut host, mut store) = (rig.network.host(), Medium::default());
-            world.spawn(async move { web::run(gateway, nth, &mut host, &mut store, &Board).await });
+            let mut update = NoUpdate("this is a bench");
+            world.spawn(async move {
+                web::run(gateway, nth, &mut host, (&mut store, &mut update), &Board).await;
+            });
         }
         // The listener is open.
         world.run_for(Duration::from_millis(10));

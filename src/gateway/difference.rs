@@ -74,7 +74,7 @@ fn line(settings: &Settings, n: usize) -> Line {
 }
 
 /// Position in the lines of the old and the new settings.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub(crate) struct Difference {
     old: usize,
     new: usize,

@@ -9,6 +9,7 @@ use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::mutex;
 use embassy_sync::signal::Signal;
 use embassy_time::{Duration, Instant};
+use heapless::String;
 
 use super::hour::Hour;
 use super::shared::Shared;
@@ -27,6 +28,9 @@ const SESSIONS_MAX: usize = 16;
 const IDLE_MAX: Duration = Duration::from_secs(30 * 60);
 /// and at this age.
 const AGE_MAX: Duration = Duration::from_secs(12 * 3_600);
+
+/// Fits the longest piece of an answer: the 2000 bits of a point.
+const PIECE_BYTES_MAX: usize = 6_144;
 
 /// The secret of a session, random.
 pub(crate) type Token = [u8; 16];
@@ -57,6 +61,8 @@ pub(crate) struct Web {
     pub(crate) log_in: mutex::Mutex<CriticalSectionRawMutex, ()>,
     /// Limits the rate of requests.
     pub(crate) turns: Turns,
+    /// For pieces of answers that do not fit into a connection's own memory; held until it is sent.
+    pub(crate) long_piece: mutex::Mutex<CriticalSectionRawMutex, String<PIECE_BYTES_MAX>>,
     /// Connections held, by what for.
     held: [AtomicU8; 2],
     /// The errors of units in the last hour.
@@ -89,6 +95,7 @@ impl Web {
             changed: [const { Signal::new() }; CONNECTIONS_MAX],
             log_in: mutex::Mutex::new(()),
             turns: Turns::new(),
+            long_piece: mutex::Mutex::new(String::new()),
             held: [const { AtomicU8::new(0) }; 2],
             hour: Hour::new(),
             stop: Signal::new(),

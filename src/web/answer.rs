@@ -14,7 +14,7 @@ use super::job;
 use super::json::Quoted;
 use super::metrics::Metrics;
 use super::page::File;
-use super::piece::{Piece, Source};
+use super::piece::{Piece, ShortPiece, Source};
 use super::session;
 use super::settings::{Schema, Written};
 use super::status::Status;
@@ -25,10 +25,11 @@ use crate::gateway::difference::Difference;
 use crate::gateway::web::{Hold, Token};
 use crate::language::LineError;
 
-/// Fits the longest answer that is made before it is sent.
-pub(super) type Text = String<2_048>;
+/// Bytes of the longest answer that is made before it is sent.
+pub(super) const TEXT_BYTES_MAX: usize = if cfg!(feature = "long-requests") { 2_048 } else { 768 };
+pub(super) type Text = String<TEXT_BYTES_MAX>;
 /// A message, which is cut if it is longer.
-type Message = String<512>;
+type Message = String<{ TEXT_BYTES_MAX / 4 }>;
 
 /// Time between two events of live values.
 const LIVE_PAUSE: Duration = Duration::from_secs(1);
@@ -152,9 +153,9 @@ impl<'s, 'g> Answer<'s, 'g> {
         self
     }
 
-    /// Sends it.
+    /// Sends it. It stays where it is: a future has its arguments twice.
     pub(super) async fn send<R: Read, W: ResponseWriter<Error = R::Error>>(
-        self,
+        &mut self,
         source: Source<'_, '_>,
         connection: Connection<'_, R>,
         writer: W,
@@ -165,11 +166,11 @@ impl<'s, 'g> Answer<'s, 'g> {
             _ => None,
         };
         let held = hold.map(|(hold, full)| source.gateway.web.hold(hold).ok_or(full));
-        let Self { status, header, content } = match held {
-            Some(Err(full)) => Self::error(409, &full),
-            _ => self,
-        };
-        let status = StatusCode::new(status);
+        if let Some(Err(full)) = held {
+            *self = Self::error(409, &full);
+        }
+        let Self { status, header, content } = self;
+        let status = StatusCode::new(*status);
         let header = header.as_ref().map(|(name, value)| (*name, value.as_str()));
         match content {
             Content::Nothing => {
@@ -182,7 +183,7 @@ impl<'s, 'g> Answer<'s, 'g> {
             }
             Content::File(file, is_known) => {
                 let (status, bytes) =
-                    if is_known { (StatusCode::NOT_MODIFIED, &[][..]) } else { (status, file.bytes) };
+                    if *is_known { (StatusCode::NOT_MODIFIED, &[][..]) } else { (status, file.bytes) };
                 let response = Response::new(status, bytes).with_content_type(file.kind);
                 let response = response.with_header("Content-Encoding", "gzip").with_header("ETag", file.tag);
                 response.with_headers(FILE_HEADERS).write_to(connection, writer).await
@@ -196,14 +197,14 @@ impl<'s, 'g> Answer<'s, 'g> {
 }
 
 /// A stream of pieces.
-struct Pieces<'a, 's, 'g> {
-    source: Source<'a, 'g>,
-    content: Content<'s, 'g>,
+struct Pieces<'a, 'b, 's, 'g> {
+    source: Source<'a, 'b>,
+    content: &'a mut Content<'s, 'g>,
 }
 
-impl Chunks for Pieces<'_, '_, '_> {
+impl Chunks for Pieces<'_, '_, '_, '_> {
     fn content_type(&self) -> &'static str {
-        match self.content {
+        match *self.content {
             Content::Settings(ref written) if !written.is_json() => TEXT,
             Content::Job(_) => TEXT,
             Content::Frames(_) => "application/x-pcapng",
@@ -213,25 +214,22 @@ impl Chunks for Pieces<'_, '_, '_> {
         }
     }
 
-    async fn write_chunks<W: Write>(mut self, mut writer: ChunkWriter<W>) -> Result<ChunksWritten, W::Error> {
-        match &mut self.content {
-            Content::Job(running) => job::run(&self.source, running, &mut writer).await?,
-            Content::Frames(token) => job::frames(&self.source, token, &mut writer).await?,
+    async fn write_chunks<W: Write>(self, mut writer: ChunkWriter<W>) -> Result<ChunksWritten, W::Error> {
+        let Self { source, content } = self;
+        match content {
+            Content::Job(running) => job::run(&source, running, &mut writer).await?,
+            Content::Frames(token) => job::frames(&source, token, &mut writer).await?,
             _ => {}
         }
-        let mut piece = Piece::new();
-        // A piece that does not fit ends the answer, which its receiver finds incomplete.
         loop {
-            while self.content.next(&self.source, &mut piece) == Ok(true) {
-                writer.write_chunk(piece.as_bytes()).await?;
-                piece.clear();
+            while content.write_next(&source, &mut writer).await? {
                 // Lets other tasks run between two rows.
                 yield_now().await;
             }
-            let Content::Live(status, token) = &mut self.content else { break };
+            let Content::Live(status, token) = content else { break };
             Timer::after(LIVE_PAUSE).await;
             // Live values do not prolong the session.
-            if session::user(self.source.gateway, token, false).is_none() {
+            if session::user(source.gateway, token, false).is_none() {
                 break;
             }
             *status = Status::new();
@@ -241,7 +239,26 @@ impl Chunks for Pieces<'_, '_, '_> {
 }
 
 impl Content<'_, '_> {
-    /// Writes the next piece; `false`: there was none.
+    /// Sends the next piece; `false`: there was none.
+    async fn write_next<W: Write>(
+        &mut self,
+        source: &Source<'_, '_>,
+        writer: &mut ChunkWriter<W>,
+    ) -> Result<bool, W::Error> {
+        let mut short = ShortPiece::new();
+        if let Ok(is_one) = self.next(source, &mut short) {
+            writer.write_chunk(if is_one { short.as_bytes() } else { b"" }).await?;
+            return Ok(is_one);
+        }
+        let mut long = source.gateway.web.long_piece.lock().await;
+        long.clear();
+        // A piece that does not fit here either ends the answer, which its receiver finds incomplete.
+        let is_one = self.next(source, long.as_mut_view()) == Ok(true);
+        writer.write_chunk(if is_one { long.as_bytes() } else { b"" }).await?;
+        Ok(is_one)
+    }
+
+    /// Writes the next piece; `false`: there was none. After an error the same piece is the next one.
     fn next(&mut self, source: &Source<'_, '_>, out: &mut Piece) -> Result<bool, fmt::Error> {
         match self {
             Self::Nothing | Self::Json(_) | Self::File(..) | Self::Job(_) | Self::Frames(_) => Ok(false),
@@ -252,19 +269,28 @@ impl Content<'_, '_> {
                 let more = status.next(source, out)?;
                 out.write_str(if more && status.has_just_ended() { "\n\n" } else { "" }).map(|()| more)
             }
-            Self::Settings(written) => written.next(source.gateway, out),
-            Self::Schema(schema) => schema.next(out),
-            Self::Metrics(metrics) => metrics.next(source, out),
+            Self::Settings(written) => retried(written, |written| written.next(source.gateway, out)),
+            Self::Schema(schema) => retried(schema, |schema| schema.next(out)),
+            Self::Metrics(metrics) => retried(metrics, |metrics| metrics.next(source, out)),
             Self::Diff(diff, part) => next_of_diff(source.gateway, diff, part, out),
             Self::Values(response, part) => {
                 if *part == Part::Over {
                     return Ok(false);
                 }
+                values(response, out)?;
                 *part = Part::Over;
-                values(response, out).map(|()| true)
+                Ok(true)
             }
         }
     }
+}
+
+/// Writes the next piece of `source`, which stays as it was after an error.
+fn retried<T: Clone, E>(source: &mut T, next: impl FnOnce(&mut T) -> Result<bool, E>) -> Result<bool, E> {
+    let mut ahead = source.clone();
+    let is_one = next(&mut ahead)?;
+    *source = ahead;
+    Ok(is_one)
 }
 
 /// `{"lines":["- ...","+ ..."],"restarts":["P1"],"rules":[{"rule":2,"message":"never matches ..."}]}`
@@ -276,8 +302,9 @@ fn next_of_diff(
 ) -> Result<bool, fmt::Error> {
     let separator = match part {
         Part::Head => {
+            out.write_str("{\"lines\":[")?;
             *part = Part::First;
-            return out.write_str("{\"lines\":[").map(|()| true);
+            return Ok(true);
         }
         Part::First => "",
         Part::More => ",",
@@ -286,12 +313,13 @@ fn next_of_diff(
     };
     // The candidate may be gone since the check; then nothing differs.
     let candidate = gateway.candidate().and_then(|candidate| candidate.settings().ok());
-    let next = candidate.as_ref().and_then(|new| gateway.settings(|in_force| diff.next(in_force, new)));
+    let mut ahead = diff.clone();
+    let next = candidate.as_ref().and_then(|new| gateway.settings(|in_force| ahead.next(in_force, new)));
     if let Some((sign, line)) = next {
-        *part = Part::More;
-        return write!(out, "{separator}{}", Quoted(format_args!("{sign} {line}"))).map(|()| true);
+        write!(out, "{separator}{}", Quoted(format_args!("{sign} {line}")))?;
+        (*diff, *part) = (ahead, Part::More);
+        return Ok(true);
     }
-    *part = Part::Rule(0, false);
     out.write_str("],\"restarts\":[")?;
     if let Some(new) = &candidate {
         gateway.settings(|in_force| {
@@ -300,7 +328,9 @@ fn next_of_diff(
                 .try_for_each(|(nth, name)| write!(out, "{}{}", if nth > 0 { "," } else { "" }, Quoted(name)))
         })?;
     }
-    out.write_str("],\"rules\":[").map(|()| true)
+    out.write_str("],\"rules\":[")?;
+    *part = Part::Rule(0, false);
+    Ok(true)
 }
 
 /// The next rule of the candidate that is likely a mistake, from rule `nth` on.
@@ -315,12 +345,14 @@ fn next_of_rules(
         (nth..new.routes.len()).filter_map(|at| new.rule_warning(at).map(|warning| (at, warning)))
     });
     let Some((at, warning)) = rules.next() else {
+        out.write_str("]}")?;
         *part = Part::Over;
-        return out.write_str("]}").map(|()| true);
+        return Ok(true);
     };
-    *part = Part::Rule(at + 1, true);
     let comma = if is_one { "," } else { "" };
-    write!(out, "{comma}{{\"rule\":{},\"message\":{}}}", at + 1, Quoted(warning)).map(|()| true)
+    write!(out, "{comma}{{\"rule\":{},\"message\":{}}}", at + 1, Quoted(warning))?;
+    *part = Part::Rule(at + 1, true);
+    Ok(true)
 }
 
 /// `{"unit":7,"took_us":1234,"address":0,"values":[1,2]}`

@@ -1,11 +1,10 @@
 //! The paths of the interface: who may call what. The table is the whole interface.
 
-use core::cell::Cell;
 use core::net::IpAddr;
 
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::mutex::Mutex;
-use embassy_time::{Duration, Instant, Timer};
+use embassy_time::{Duration, Timer};
 use picoserve::ResponseSent;
 use picoserve::io::Read;
 use picoserve::request::{Path, Request, RequestBody, RequestParts};
@@ -19,11 +18,12 @@ use super::page;
 use super::piece::Source;
 use super::session::{self, Shows};
 use super::status::TableOf;
+use super::transport::Life;
 use crate::console::access::{self, Ask, Denied, Show};
 use crate::gateway::Gateway;
 use crate::gateway::audit::{Actor, Topic};
 use crate::gateway::web::Token;
-use crate::hal::{Store, System};
+use crate::hal::{Store, System, Update};
 use crate::settings::{HttpSettings, Name, PortId, Role};
 
 /// What is called.
@@ -68,6 +68,9 @@ pub(super) enum Call {
     Firmware,
     /// Counters for Prometheus.
     Metrics,
+    /// Takes something newer; takes back what is on trial.
+    Update,
+    GoBack,
 }
 
 /// The kind of a request's body.
@@ -76,6 +79,8 @@ enum Takes {
     Nothing,
     Lines,
     Json,
+    /// New firmware, which is taken as it comes.
+    Image,
 }
 
 /// Path, method, call, body, and the command of the console that needs the same role; none: every user may.
@@ -120,6 +125,8 @@ const ROUTES: &[Route] = &[
     ),
     ("/api/v1/ethercat", "GET", Call::Tables(ETHERCAT), Takes::Nothing, Some("show")),
     ("/api/v1/update", "GET", Call::Firmware, Takes::Nothing, Some("show")),
+    ("/api/v1/update", "POST", Call::Update, Takes::Image, Some("update")),
+    ("/api/v1/update", "DELETE", Call::GoBack, Takes::Nothing, Some("update")),
     ("/api/v1/frames", "GET", Call::Frames, Takes::Nothing, Some("watch")),
     (METRICS, "GET", Call::Metrics, Takes::Nothing, Some("show")),
     ("/api/v1/scan", "POST", Call::Scan, Takes::Json, Some("scan")),
@@ -160,16 +167,17 @@ impl Terms {
 }
 
 /// The interface for one connection.
-pub(super) struct Api<'a, 'g, S, Y> {
+pub(super) struct Api<'a, 'g, S, U, Y> {
     pub(super) gateway: &'a Gateway<'g>,
     pub(super) store: Mutex<NoopRawMutex, &'a mut S>,
+    pub(super) update: Mutex<NoopRawMutex, &'a mut U>,
     pub(super) system: &'a Y,
     /// The port, and the client.
     pub(super) port: PortId,
     pub(super) peer: IpAddr,
     pub(super) terms: Terms,
-    /// When the connection ends.
-    pub(super) end: &'a Cell<Instant>,
+    /// The connection.
+    pub(super) life: &'a Life,
 }
 
 /// Who calls.
@@ -186,7 +194,7 @@ impl Caller {
     }
 }
 
-impl<S: Store, Y: System> PathRouterService for Api<'_, '_, S, Y> {
+impl<S: Store, U: Update, Y: System> PathRouterService for Api<'_, '_, S, U, Y> {
     async fn call_path_router_service<R: Read, W: ResponseWriter<Error = R::Error>>(
         &self,
         (): &(),
@@ -197,16 +205,16 @@ impl<S: Store, Y: System> PathRouterService for Api<'_, '_, S, Y> {
     ) -> Result<ResponseSent, W::Error> {
         let turn = self.gateway.web.turns.take(embassy_time::Instant::now());
         Timer::at(turn).await;
-        let answer = self.answer(path.encoded(), &request.parts, request.body_connection.body()).await;
+        let mut answer = self.answer(path.encoded(), &request.parts, request.body_connection.body()).await;
         let connection = request.body_connection.finalize().await?;
         answer.send(Source { gateway: self.gateway, system: self.system }, connection, writer).await
     }
 }
 
-impl<'a, 'g, S: Store, Y: System> Api<'a, 'g, S, Y> {
+impl<'a, 'g, S: Store, U: Update, Y: System> Api<'a, 'g, S, U, Y> {
     /// The connection stays for the longest work; whoever waits for it must take what is sent.
     pub(super) fn takes_long(&self) {
-        self.end.set(Instant::now() + WORK_MAX);
+        self.life.lasts(WORK_MAX);
     }
 
     async fn answer<R: Read>(
@@ -224,6 +232,9 @@ impl<'a, 'g, S: Store, Y: System> Api<'a, 'g, S, Y> {
         };
         if let Err(refusal) = takes.check(parts, body.content_length()) {
             return refusal;
+        }
+        if let (Takes::Image, Some(caller)) = (takes, &caller) {
+            return self.update(caller, body).await;
         }
         if !body.entire_body_fits_into_buffer() {
             return Answer::error(413, &"the body is too large");
@@ -336,6 +347,7 @@ impl Takes {
             Self::Nothing => return Ok(()),
             Self::Lines => "text/plain",
             Self::Json => "application/json",
+            Self::Image => "application/octet-stream",
         };
         let told = parts.headers().get("content-type");
         let told = told.as_ref().and_then(|told| told.as_str().ok()).unwrap_or_default();

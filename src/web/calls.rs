@@ -7,7 +7,7 @@ use heapless::{String, Vec};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 
-use super::answer::{Answer, Content, Part};
+use super::answer::{Answer, Content, Part, TEXT_BYTES_MAX};
 use super::api::{Api, Call, Caller};
 use super::candidate::{self, Unchanged};
 use super::json::Quoted;
@@ -23,15 +23,15 @@ use crate::gateway::direct_request::DirectRequestError;
 use crate::gateway::enter::Refused;
 use crate::gateway::web::Token;
 use crate::gateway::{Candidate, Credential};
-use crate::hal::{Store, System};
+use crate::hal::{Store, System, Update};
 use crate::settings::Name;
 
 /// Fits each text of a body in which characters are escaped.
 const UNESCAPED_BYTES_MAX: usize = 256;
 /// Values of a write.
 pub(super) const VALUES_MAX: usize = 128;
-/// Fits the line of a request with so many values.
-pub(super) type Line = String<4_096>;
+/// Fits the line of a request with so many values; without `long-requests`, with a quarter of them.
+pub(super) type Line = String<{ if cfg!(feature = "long-requests") { 4_096 } else { 1_024 } }>;
 /// A word of such a line.
 pub(super) type Word = String<32>;
 
@@ -86,11 +86,11 @@ pub(super) fn uncommitted<'s, 'g>(error: &Uncommitted) -> Answer<'s, 'g> {
     Answer::error(if matches!(error, Uncommitted::Apply(_)) { 422 } else { 409 }, error)
 }
 
-impl<'a, 'g, S: Store, Y: System> Api<'a, 'g, S, Y> {
+impl<'a, 'g, S: Store, U: Update, Y: System> Api<'a, 'g, S, U, Y> {
     pub(super) async fn run(&self, call: Call, caller: &Caller, body: &str) -> Answer<'a, 'g> {
         match call {
-            // Neither needs a session.
-            Call::LogIn | Call::Metrics => Answer::done(),
+            // The first two need no session, and an image is taken as it comes.
+            Call::LogIn | Call::Metrics | Call::Update => Answer::done(),
             Call::Session => {
                 let (user, role) = (Quoted(&caller.name), caller.role);
                 Answer::json(200, format_args!("{{\"user\":{user},\"role\":\"{role}\"}}"))
@@ -130,6 +130,7 @@ impl<'a, 'g, S: Store, Y: System> Api<'a, 'g, S, Y> {
                 Answer::done()
             }
             Call::Firmware => self.firmware(),
+            Call::GoBack => self.go_back(caller),
             Call::Versions => self.versions().await,
             Call::BringBack => self.bring_back(caller, body).await,
             Call::Password => self.password(caller, body).await,
@@ -179,21 +180,6 @@ impl<'a, 'g, S: Store, Y: System> Api<'a, 'g, S, Y> {
         }
     }
 
-    /// `GET /update`
-    fn firmware(&self) -> Answer<'a, 'g> {
-        let (version, board) = (env!("CARGO_PKG_VERSION"), Quoted(self.system.name()));
-        match self.system.firmware() {
-            Some(state) => {
-                let state = Quoted(state);
-                Answer::json(
-                    200,
-                    format_args!("{{\"version\":\"{version}\",\"board\":{board},\"state\":{state}}}"),
-                )
-            }
-            None => Answer::json(200, format_args!("{{\"version\":\"{version}\",\"board\":{board}}}")),
-        }
-    }
-
     fn of_candidate(&self, run: impl FnOnce(&Candidate) -> Result<(), Uncommitted>) -> Answer<'a, 'g> {
         match self.gateway.candidate().ok_or(Uncommitted::Nothing).and_then(run) {
             Ok(()) => Answer::done(),
@@ -212,7 +198,7 @@ impl<'a, 'g, S: Store, Y: System> Api<'a, 'g, S, Y> {
 
     async fn change(&self, lines: Lines<'_>, replaces: bool) -> Answer<'a, 'g> {
         // As many as fit.
-        let mut warnings = String::<1_536>::new();
+        let mut warnings = String::<{ TEXT_BYTES_MAX * 3 / 4 }>::new();
         let mut warn = |line: usize, warning: &crate::language::Warning| {
             let length = warnings.len();
             let comma = if warnings.is_empty() { "" } else { "," };

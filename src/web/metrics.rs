@@ -18,6 +18,7 @@ use crate::stats::Event;
 const OPEN: &str = "application/openmetrics-text";
 
 /// What is being written.
+#[derive(Clone, Copy)]
 pub(super) struct Metrics {
     is_open: bool,
     /// The family, and the next of its samples; 0 before its heading.
@@ -187,7 +188,7 @@ impl Metrics {
             } else {
                 let written = source.gateway.settings(|settings| {
                     let sampled = Sampled { name: family.name, source: *source, settings };
-                    (family.samples)(&sampled, self.place - 1, out)
+                    (family.samples)(&sampled, self.place - 1, &mut &mut *out)
                 });
                 if written.transpose()?.is_none() {
                     (self.family, self.place) = (self.family + 1, 0);

@@ -16,6 +16,7 @@ const SCHEMA: &str = "{\"$schema\":\"https://json-schema.org/draft/2020-12/schem
     \"type\":\"object\",\"additionalProperties\":false,\"properties\":{";
 
 /// Settings that are being written.
+#[derive(Clone)]
 pub(super) struct Written {
     /// Those of the candidate, or those in force.
     of_candidate: bool,
@@ -96,7 +97,7 @@ impl Written {
 }
 
 /// The schema that is being written.
-#[derive(Default)]
+#[derive(Default, Clone)]
 pub(super) struct Schema {
     /// The next form.
     form: usize,

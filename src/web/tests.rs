@@ -34,8 +34,8 @@ point lamps local coil 0 count 12 label \"x\"
 ";
 
 fn written(mut next: impl FnMut(&mut Piece) -> Result<bool, core::fmt::Error>) -> String {
-    let (mut piece, mut text) = (Piece::new(), String::new());
-    while next(&mut piece).unwrap() {
+    let (mut piece, mut text) = (heapless::String::<8_192>::new(), String::new());
+    while next(piece.as_mut_view()).unwrap() {
         text.push_str(&piece);
         piece.clear();
     }

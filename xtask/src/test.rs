@@ -24,6 +24,8 @@ pub(crate) enum Suite {
     Package,
     /// The web interface's page in a browser
     Browser,
+    /// The same page on the emulated board
+    QemuBrowser,
     /// Random worlds, many times more than in `workspace`
     Torture,
     /// EtherCAT: third-party MainDevices, thousands of cycles and restarts, and the conformance measurements
@@ -39,6 +41,7 @@ impl Suite {
             Self::Rp2040 => &[Group::Rp2040, Group::Thumb],
             Self::Package => &[Group::Package],
             Self::Browser => &[Group::Browser],
+            Self::QemuBrowser => &[Group::Qemu, Group::Thumb, Group::Browser],
             Self::Torture => &[],
         }
     }
@@ -96,6 +99,7 @@ fn run_one(suite: Suite) -> Outcome {
                 ["--test", "browser", "--test", "web", "--", "--nocapture", "in_a_browser", "the_page"];
             run(&mut tests(&words))
         }
+        Suite::QemuBrowser => run(&mut tests(&["--test", "qemu_browser", "--", "--nocapture"])),
         Suite::Torture => {
             let words = [
                 "--test",

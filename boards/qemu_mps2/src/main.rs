@@ -1,6 +1,8 @@
 //! The gateway on QEMU's mps2-an386: hardware, gateway, tasks.
 #![no_std]
 #![no_main]
+// The types of the web interface's futures are deep.
+#![recursion_limit = "256"]
 
 mod board;
 mod clock;
@@ -24,6 +26,8 @@ mod ssh;
 mod transmitter;
 mod uart;
 mod vectors;
+#[cfg(feature = "web")] // As above.
+mod web;
 
 use mobgate::settings::PortId;
 use mobgate_net::{Connector, Datagrams, Sockets, TcpSockets};
@@ -78,6 +82,8 @@ fn main() -> ! {
         network::spawn(spawner, runner, sockets);
         #[cfg(feature = "ssh")] // As above.
         ssh::start(spawner, sockets, store.another(), board);
+        #[cfg(feature = "web")] // As above.
+        web::start(spawner, sockets, &store, board);
         spawner.spawn(console(store, board).unwrap());
         #[cfg(feature = "ethercat")] // As above.
         ethercat::start(spawner);

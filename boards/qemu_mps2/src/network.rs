@@ -13,7 +13,9 @@ use crate::semihosting;
 
 /// Most outgoing connections and UDP servers, together.
 const CLIENTS: usize = 4;
-const SOCKETS: usize = CONNECTIONS + CLIENTS;
+/// Connections of the web interface: as many as it has, in an image with it.
+pub(crate) const WEB_CONNECTIONS: usize = if cfg!(feature = "web") { 8 } else { 0 };
+const SOCKETS: usize = CONNECTIONS + CLIENTS + WEB_CONNECTIONS;
 /// Two frames of Modbus TCP in each direction, and some spare.
 const SOCKET_BYTES: usize = 2 * 640;
 

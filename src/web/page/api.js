@@ -54,6 +54,20 @@ export async function lines(path, body, each) {
   }
 }
 
+/// Sends a file, and tells how much of it has gone, from 0 to 1; the promise has the response.
+export function upload(path, file, progress) {
+  return new Promise((resolve, reject) => {
+    const request = new XMLHttpRequest();
+    request.open("POST", `/api/v1/${path}`);
+    request.setRequestHeader("Content-Type", "application/octet-stream");
+    request.responseType = "json";
+    request.upload.onprogress = ({ loaded, total }) => progress(loaded / total);
+    request.onload = () => (request.status === 200 ? resolve(request.response) : reject(new Error(request.response?.error?.message || request.statusText)));
+    request.onerror = () => reject(new Error(T.unreachable));
+    request.send(file);
+  });
+}
+
 /// The session has ended.
 export function leave() {
   app.user = null;

@@ -98,7 +98,10 @@ export const T = {
   update: {
     running: "What runs", version: "Version", board: "On", state: "State", packaged: "This program is updated by the package manager:", command: "apt install ./mobgate_*.deb",
     after: "Settings stay. Lines and clients are connected again within seconds after the restart.",
-    ofBoard: "New firmware is sent at the console, by update, or by an EtherCAT MainDevice. It runs on trial, and goes back by itself if it does not work.",
+    ofBoard: "New firmware is sent here, at the console by update, or by an EtherCAT MainDevice. It runs on trial, and goes back by itself if it does not work.",
+    send: "Send new firmware", image: "File", imageHint: "It ends in .mgu. One that is older is taken at the gateway’s own terminal only.", submit: "Send and restart", progress: "Sent", checked: "It is checked.",
+    taken: (version) => `${version} is complete and genuine; it starts now, on trial. Log in again in a minute.`,
+    back: "Take back what is on trial", goesBack: "The firmware from before starts now.",
   },
   settings: {
     intro: "One line for each port, rule, device and point, as “show config” prints them. Secrets are left out and stay as they are.", inForce: "Settings in force", ofCandidate: "Settings with the changes",

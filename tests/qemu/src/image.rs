@@ -18,6 +18,8 @@ pub enum Image {
     Usual,
     /// The console by SSH, too.
     Ssh,
+    /// The web interface with its page.
+    Web,
 }
 
 /// The usual image of the QEMU board.
@@ -32,10 +34,11 @@ impl Image {
         let (name, features): (_, &[&str]) = match self {
             Self::Usual => ("mobgate-qemu-mps2-usual", &[]),
             Self::Ssh => ("mobgate-qemu-mps2-ssh", &["--features", "ssh"]),
+            Self::Web => ("mobgate-qemu-mps2-web", &["--features", "web"]),
         };
         let folder = root().join("target/thumb/thumbv7em-none-eabihf/release");
         let file = folder.join(name);
-        // One at a time: both are built under the same name first.
+        // One at a time: all are built under the same name first.
         let mut built = BUILT.lock().unwrap();
         if !built.contains(&self) {
             compile(features);

@@ -11,6 +11,7 @@ pub mod controller;
 pub mod cost;
 pub mod image;
 pub mod machine;
+pub mod pages;
 mod passing;
 pub mod shift;
 pub mod soak;

@@ -33,6 +33,7 @@ pub struct Machine {
     folder: PathBuf,
     port: u16,
     ssh_port: u16,
+    web_port: u16,
 }
 
 impl Machine {
@@ -44,7 +45,7 @@ impl Machine {
     }
 
     fn start_only(folder: &Path, options: Options) -> Self {
-        let [port, ssh_port] = [(); 2].map(|()| free_port());
+        let [port, ssh_port, web_port] = [(); 3].map(|()| free_port());
         let mut command = Command::new(image::root().join("boards/qemu_mps2/emulate"));
         command.arg(options.image.build()).arg(folder.join("flash")).env("MOBGATE_WORDS", &options.words);
         for uart in 0..UARTS {
@@ -60,7 +61,8 @@ impl Machine {
         command.arg(format!("socket,id=monitor,path={},server=on,wait=off", monitor.display()));
         command.args(["-mon", "chardev=monitor"]);
         let forward = |from: u16, to: u16| format!(",hostfwd=tcp:127.0.0.1:{from}-:{to}");
-        command.args(["-nic", &format!("user,id=net{}{}", forward(port, 502), forward(ssh_port, 22))]);
+        let forwards = [forward(port, 502), forward(ssh_port, 22), forward(web_port, 80)].concat();
+        command.args(["-nic", &format!("user,id=net{forwards}")]);
         if options.counts_instructions {
             // 64 ns for each.
             command.args(["-icount", "shift=6"]);
@@ -73,7 +75,7 @@ impl Machine {
                 into.lock().unwrap().push_str(&format!("{line}\n"));
             }
         });
-        Self { child, log, folder: folder.to_owned(), port, ssh_port }
+        Self { child, log, folder: folder.to_owned(), port, ssh_port, web_port }
     }
 
     /// What the board has logged.
@@ -125,6 +127,16 @@ impl Machine {
     /// The host's TCP port that leads to the board's port for SSH.
     pub fn ssh_port(&self) -> u16 {
         self.ssh_port
+    }
+
+    /// The host's TCP port that leads to the board's port for the web interface.
+    pub fn web_port(&self) -> u16 {
+        self.web_port
+    }
+
+    /// The emulator's process.
+    pub fn id(&self) -> u32 {
+        self.child.id()
     }
 
     /// A Modbus TCP client.

@@ -12,6 +12,12 @@ use crate::common::{self, Program};
 use crate::http::{Request, Response};
 use crate::{Web, with};
 
+/// What only boards with updates do; tests/gateway/web_update.rs has it.
+const OF_BOARDS: [(&str, u16); 4] = [("POST", 200), ("POST", 400), ("POST", 422), ("DELETE", 204)];
+const UPDATE: &str = "/api/v1/update";
+/// An image that no board has memory for.
+const TOO_LONG: usize = 4 * 1_024 * 1_024 + 1;
+
 /// The description.
 struct Description(Value);
 
@@ -191,6 +197,11 @@ impl Caller {
             (self.request(path, method, "").header("Origin", "http://evil.example"), 403),
         ];
         match &body {
+            Some(_) if path == UPDATE => {
+                all.push((self.request(path, method, "").header("Transfer-Encoding", "chunked"), 411));
+                all.push((self.request(path, method, &"x".repeat(TOO_LONG)), 413));
+                all.push((plain.clone().bearer(&self.token).body("text/html", b"x"), 415));
+            }
             Some(kind) => {
                 all.push((plain.clone().bearer(&self.token).body(kind, b"{\xff"), 400));
                 all.push((self.request(path, method, "").header("Transfer-Encoding", "chunked"), 411));
@@ -301,6 +312,9 @@ fn commands(caller: &mut Caller) {
     for path in ["network", "update", "ethercat"] {
         caller.call(path, "GET", "", 200);
     }
+    let refused = caller.call("update", "POST", "image", 409).body;
+    assert!(refused.contains("the package manager brings new versions"), "{refused}");
+    caller.call("update", "DELETE", "", 409);
     for path in ["log", "audit", "users", "units"] {
         let rows = caller.call(path, "GET", "", 200).json();
         assert!(!rows[path].as_array().unwrap().is_empty(), "{path} of {rows}");
@@ -429,6 +443,8 @@ fn the_program_is_as_its_description_says() {
         caller.refusals(path, method);
     }
     log_ins(&mut caller);
+    let of_boards = OF_BOARDS.map(|(method, status)| (UPDATE.to_owned(), method.to_owned(), status));
+    caller.seen.extend(of_boards);
     let missed: Vec<_> = said.difference(&caller.seen).collect();
     assert!(missed.is_empty(), "described, and not seen: {missed:?}");
     methods(&caller);

@@ -149,6 +149,10 @@ fn roles_are_those_of_the_commands() {
         request("GET", "/api/v1/settings").gets(200);
         request("POST", "/api/v1/read").json(reads).gets(read);
         request("POST", "/api/v1/settings/candidate").lines("").gets(change);
+        let image = request("POST", "/api/v1/update").body("application/octet-stream", &[0; 300_000]);
+        // On Linux nobody does, and whoever has sent all reads why.
+        let refused = image.gets(if role == "anna" { 409 } else { 403 });
+        assert_eq!(refused.message().contains("apt install"), role == "anna", "{refused:?}");
     }
     web.program.logs("audit: 127.0.0.1: candidate is denied to the role operator");
 }

@@ -14,7 +14,7 @@ use crate::raw::{Client, KEY, Stage};
 /// Sessions at a time.
 const SESSIONS: usize = 8;
 /// `let me in`, with parameters that cost little.
-const PASSWORD: &str =
+pub(crate) const PASSWORD: &str =
     "$argon2id$v=19$m=8,t=1,p=1$MDEyMzQ1Njc4OWFiY2RlZg$MbnuQj2xrGASZb+GaVRPOkBaCDUjNErQQKePN3mCUfA";
 
 /// The board with an SSH server, and what its users have.

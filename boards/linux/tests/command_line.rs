@@ -78,7 +78,8 @@ fn check_names_file_line_and_word_of_an_error() {
 #[test]
 fn sii_and_esi_write_what_the_gateway_is_on_ethercat() {
     let folder = tempfile::tempdir().unwrap();
-    for (word, begins) in [("sii", &[0x80, 0][..]), ("esi", b"<?xml")] {
+    // SPI, and SYNC signals.
+    for (word, begins) in [("sii", &[0x80, 0x04][..]), ("esi", b"<?xml")] {
         let path = folder.path().join(word);
         let made = output(&[word, path.to_str().unwrap()]);
         assert_eq!((made.status.code(), made.stdout.len()), (Some(0), 0));

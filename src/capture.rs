@@ -20,7 +20,7 @@ use crate::stats::Event;
 
 mod bytes;
 mod export;
-pub mod pcapng;
+mod pcapng;
 
 use self::bytes::Bytes;
 pub use self::export::Export;

@@ -129,8 +129,12 @@ enum Task {
     },
     /// Builds boards' images here and in another folder, and compares them
     Reproducible { boards: Vec<String> },
-    /// Compares the figures that commands printed into a file with tests/figures
-    Figures { file: std::path::PathBuf },
+    /// Compares the figures that commands printed into a file with those of a list
+    Figures {
+        file: std::path::PathBuf,
+        #[arg(default_value = "tests/figures")]
+        list: std::path::PathBuf,
+    },
 }
 
 /// Arguments passed on unchanged.
@@ -192,7 +196,7 @@ fn carry_out(task: Task) -> Outcome {
         Task::Key { file } => make_key(file),
         Task::Release { rehearsal } => release::build(rehearsal),
         Task::Reproducible { boards } => release::reproducible(&boards),
-        Task::Figures { file } => figures::hold(&file),
+        Task::Figures { file, list } => figures::hold(&file, &list),
     }
 }
 

@@ -67,7 +67,10 @@ enum Task {
     /// Builds the STM32 images and prints their sections, largest symbols and budgets
     Sizes { boards: Vec<String> },
     /// Checks the Linux program for 64-bit and 32-bit ARM
-    Arm,
+    Arm {
+        #[arg(default_values = ["aarch64-unknown-linux-gnu", "armv7-unknown-linux-gnueabihf"])]
+        targets: Vec<String>,
+    },
     /// Builds the Debian package
     Deb,
     /// Runs the emulated board among devices: `qemu figures` measures it, `qemu soak N` loads it
@@ -161,7 +164,7 @@ fn carry_out(task: Task) -> Outcome {
         Task::Lint => habits::lint(),
         Task::Board { board, command, words } => board::run(&board, &command, &words.words),
         Task::Sizes { boards } => sizes::print(&boards),
-        Task::Arm => board::arm(),
+        Task::Arm { targets } => board::arm(&targets),
         Task::Deb => test::deb().map(drop),
         Task::Qemu(Words { words }) => run(&mut command(test::build("mobgate-qemu")?, &words)),
         Task::Packets { count } => {

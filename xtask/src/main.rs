@@ -87,7 +87,7 @@ enum Task {
     /// Measures the Linux program on pseudo-terminals, in real time
     #[command(disable_help_flag = true)]
     Pty(Words),
-    /// Counts instructions and system calls of the Linux program
+    /// Counts instructions and system calls of the Linux program; `--no-run` only builds what does
     #[command(disable_help_flag = true)]
     Counts(Words),
     /// Measures third-party gateways beside mobgate, in one run
@@ -185,7 +185,10 @@ fn carry_out(task: Task) -> Outcome {
             let program = "--quiet --package mobgate-linux --no-default-features --features demo --bench pty";
             let program: Vec<_> = program.split(' ').collect();
             let mut cargo = cargo("bench", &program);
-            run(test::short_paths(&mut cargo).args(["--", "counts", "refusals"]).args(words))
+            match test::short_paths(&mut cargo) {
+                cargo if words == ["--no-run"] => run(cargo.args(words)),
+                cargo => run(cargo.args(["--", "counts", "refusals"]).args(words)),
+            }
         }
         Task::Peers(choice) => peers::measure(&choice),
         Task::Schemathesis(choice) => schemathesis::ask(&choice),

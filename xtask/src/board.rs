@@ -272,17 +272,17 @@ pub(crate) fn remapped(rustc: &Path) -> impl Iterator<Item = PathBuf> {
     std::iter::once(root().to_owned()).chain(registries).chain(library)
 }
 
-/// Checks the Linux program for two ARM targets. Needs no prebuilt target; linking would need a cross linker and C libraries.
-pub(crate) fn arm() -> Outcome {
+/// Checks the Linux program for these ARM targets. Needs no prebuilt target; linking would need a cross linker and C libraries.
+pub(crate) fn arm(targets: &[String]) -> Outcome {
     if !has_sources() {
         return Err("Debian's compiler is missing: cargo xtask install arm".into());
     }
-    for target in ["aarch64-unknown-linux-gnu", "armv7-unknown-linux-gnueabihf"] {
+    for target in targets {
         let version = output(&mut command(debian().join("rustc"), &["--version"]))?;
         println!("Linux program for {target} with {}", version.trim());
         let mut cargo =
             debian_cargo(&["check", "--locked", "--package", "mobgate-linux", "--bin", "mobgate"]);
-        cargo.args(["--target", target, "--target-dir", "target/arm", "-Zbuild-std=std,panic_abort"]);
+        cargo.args(["--target", &**target, "--target-dir", "target/arm", "-Zbuild-std=std,panic_abort"]);
         cargo.env_remove("RUSTC").env_remove("CARGO").env_remove("RUSTFLAGS");
         tools::run(&mut cargo)?;
     }

@@ -177,7 +177,9 @@ pub(crate) fn all(groups: &[Group], install: bool) -> Outcome {
             By::Apt(_) => {}
             By::Cargo(name) => {
                 println!("installing by cargo: {name}");
-                run(&mut command("cargo", &["install", "--quiet", "--locked", name]))?;
+                // Not optimized: that would take longer than what these have to do.
+                let mut cargo = command("cargo", &["install", "--quiet", "--locked", "--debug", name]);
+                run(cargo.env("CARGO_PROFILE_DEV_DEBUG", "0"))?;
             }
             By::Own(install) => {
                 println!("installing: {}", need.name);

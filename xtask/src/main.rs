@@ -67,7 +67,10 @@ enum Task {
     /// Builds the STM32 images and prints their sections, largest symbols and budgets
     Sizes { boards: Vec<String> },
     /// Checks the Linux program for 64-bit and 32-bit ARM
-    Arm,
+    Arm {
+        #[arg(default_values = ["aarch64-unknown-linux-gnu", "armv7-unknown-linux-gnueabihf"])]
+        targets: Vec<String>,
+    },
     /// Builds the Debian package
     Deb,
     /// Runs the emulated board among devices: `qemu figures` measures it, `qemu soak N` loads it
@@ -84,7 +87,7 @@ enum Task {
     /// Measures the Linux program on pseudo-terminals, in real time
     #[command(disable_help_flag = true)]
     Pty(Words),
-    /// Counts instructions and system calls of the Linux program
+    /// Counts instructions and system calls of the Linux program; `--no-run` only builds what does
     #[command(disable_help_flag = true)]
     Counts(Words),
     /// Measures third-party gateways beside mobgate, in one run
@@ -129,8 +132,12 @@ enum Task {
     },
     /// Builds boards' images here and in another folder, and compares them
     Reproducible { boards: Vec<String> },
-    /// Compares the figures that commands printed into a file with tests/figures
-    Figures { file: std::path::PathBuf },
+    /// Compares the figures that commands printed into a file with those of a list
+    Figures {
+        file: std::path::PathBuf,
+        #[arg(default_value = "tests/figures")]
+        list: std::path::PathBuf,
+    },
 }
 
 /// Arguments passed on unchanged.
@@ -157,7 +164,7 @@ fn carry_out(task: Task) -> Outcome {
         Task::Lint => habits::lint(),
         Task::Board { board, command, words } => board::run(&board, &command, &words.words),
         Task::Sizes { boards } => sizes::print(&boards),
-        Task::Arm => board::arm(),
+        Task::Arm { targets } => board::arm(&targets),
         Task::Deb => test::deb().map(drop),
         Task::Qemu(Words { words }) => run(&mut command(test::build("mobgate-qemu")?, &words)),
         Task::Packets { count } => {
@@ -178,7 +185,10 @@ fn carry_out(task: Task) -> Outcome {
             let program = "--quiet --package mobgate-linux --no-default-features --features demo --bench pty";
             let program: Vec<_> = program.split(' ').collect();
             let mut cargo = cargo("bench", &program);
-            run(test::short_paths(&mut cargo).args(["--", "counts", "refusals"]).args(words))
+            match test::short_paths(&mut cargo) {
+                cargo if words == ["--no-run"] => run(cargo.args(words)),
+                cargo => run(cargo.args(["--", "counts", "refusals"]).args(words)),
+            }
         }
         Task::Peers(choice) => peers::measure(&choice),
         Task::Schemathesis(choice) => schemathesis::ask(&choice),
@@ -192,7 +202,7 @@ fn carry_out(task: Task) -> Outcome {
         Task::Key { file } => make_key(file),
         Task::Release { rehearsal } => release::build(rehearsal),
         Task::Reproducible { boards } => release::reproducible(&boards),
-        Task::Figures { file } => figures::hold(&file),
+        Task::Figures { file, list } => figures::hold(&file, &list),
     }
 }
 

@@ -77,18 +77,7 @@ fn run_one(suite: Suite, boards: &[String]) -> Outcome {
             run(&mut cargo("test", &core))
         }
         Suite::Qemu => run(&mut tests(&["--test", "qemu"])),
-        Suite::Stm32 => {
-            let is_tested = |board: &String| boards.is_empty() || boards.contains(board);
-            let (tested, others): (Vec<_>, Vec<_>) = board::nucleos()?.into_iter().partition(is_tested);
-            tested.iter().try_for_each(|board| board::build_both(board))?;
-            // With its figures. Tests have a chip in their names: f429 is that of the nucleo_f429zi.
-            let mut cargo = stm32("test");
-            cargo.args(["--", "--nocapture"]);
-            for board in &others {
-                cargo.arg("--skip").arg(board.trim_start_matches("nucleo_").trim_end_matches("zi"));
-            }
-            run(&mut cargo)
-        }
+        Suite::Stm32 => emulated(boards),
         Suite::Rp2040 => {
             board::RP2040.iter().try_for_each(|board| board::run(board, "build", &[]))?;
             // In a network of its own.
@@ -145,6 +134,20 @@ pub(crate) fn build(name: &str) -> Outcome<PathBuf> {
     // Beside a test it has the dependencies that tests have, or else these would be compiled once more.
     run(&mut cargo("build", &["--quiet", "--workspace", "--test", "structure", "--bin", name]))?;
     Ok(root().join("target/debug").join(name))
+}
+
+/// Builds the images of these STM32 boards, or of all if none are given, and runs them in the emulator.
+fn emulated(boards: &[String]) -> Outcome {
+    let is_tested = |board: &String| boards.is_empty() || boards.contains(board);
+    let (tested, others): (Vec<_>, Vec<_>) = board::nucleos()?.into_iter().partition(is_tested);
+    tested.iter().try_for_each(|board| board::build_both(board))?;
+    // With its figures. Tests have a chip in their names: f429 is that of the nucleo_f429zi.
+    let mut cargo = stm32("test");
+    cargo.args(["--", "--nocapture"]);
+    for board in &others {
+        cargo.arg("--skip").arg(board.trim_start_matches("nucleo_").trim_end_matches("zi"));
+    }
+    run(&mut cargo)
 }
 
 /// cargo for the emulator of the STM32 boards, a workspace of its own.

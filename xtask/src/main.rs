@@ -7,7 +7,7 @@ use clap::{Args, Parser, Subcommand};
 
 use install::Group;
 use test::Suite;
-use tools::{Outcome, cargo, command, run};
+use tools::{Outcome, command, run};
 
 mod api;
 mod board;
@@ -42,6 +42,9 @@ enum Task {
         /// List what is missing instead of installing it
         #[arg(long)]
         no_install: bool,
+        /// Of the STM32 boards only these, as `nucleo_h743zi`
+        #[arg(long = "board", value_name = "BOARD")]
+        boards: Vec<String>,
         /// Only these tests
         #[arg(default_values = ["workspace", "qemu", "package"])]
         suites: Vec<Suite>,
@@ -159,7 +162,7 @@ fn main() -> ExitCode {
 
 fn carry_out(task: Task) -> Outcome {
     match task {
-        Task::Test { no_install, suites } => test::run_all(&suites, !no_install),
+        Task::Test { no_install, boards, suites } => test::run_all(&suites, &boards, !no_install),
         Task::Install { no_install, groups } => install::all(&groups, !no_install),
         Task::Lint => habits::lint(),
         Task::Board { board, command, words } => board::run(&board, &command, &words.words),
@@ -171,24 +174,19 @@ fn carry_out(task: Task) -> Outcome {
             let test = ["--test", "qemu", "--", "--nocapture", "ssh::random"];
             run(test::tests(&test).env("MOBGATE_PACKETS", count.to_string()))
         }
-        Task::Bench(Words { words }) => {
-            let mut cargo = cargo("bench", &["--package", "mobgate", "--"]);
-            run(test::short_paths(&mut cargo).args(words))
-        }
+        Task::Bench(Words { words }) => run(test::bench(&["--package", "mobgate", "--"]).args(words)),
         Task::Pty(Words { words }) => {
-            let mut cargo = cargo("bench", &["--package", "mobgate-linux", "--bench", "pty", "--"]);
-            run(test::short_paths(&mut cargo).args(words))
+            run(test::bench(&["--package", "mobgate-linux", "--bench", "pty", "--"]).args(words))
         }
         Task::Counts(Words { words }) => {
             install::check(&[Group::Counts])?;
             // Without epoll_pwait2, which many versions of valgrind do not know.
             let program = "--quiet --package mobgate-linux --no-default-features --features demo --bench pty";
-            let program: Vec<_> = program.split(' ').collect();
-            let mut cargo = cargo("bench", &program);
-            match test::short_paths(&mut cargo) {
-                cargo if words == ["--no-run"] => run(cargo.args(words)),
-                cargo => run(cargo.args(["--", "counts", "refusals"]).args(words)),
+            let mut cargo = test::bench(&program.split(' ').collect::<Vec<_>>());
+            if words != ["--no-run"] {
+                cargo.args(["--", "counts", "refusals"]);
             }
+            run(cargo.args(words))
         }
         Task::Peers(choice) => peers::measure(&choice),
         Task::Schemathesis(choice) => schemathesis::ask(&choice),

@@ -47,8 +47,12 @@ impl Suite {
     }
 }
 
-/// Runs these suites, after installing or listing what they need.
-pub(crate) fn run_all(suites: &[Suite], install: bool) -> Outcome {
+/// Runs these suites, after installing or listing what they need; of the STM32 boards only `boards`, or all if none are given.
+pub(crate) fn run_all(suites: &[Suite], boards: &[String], install: bool) -> Outcome {
+    let nucleos = board::nucleos()?;
+    if let Some(unknown) = boards.iter().find(|board| !nucleos.contains(board)) {
+        return Err(format!("no STM32 board {unknown}; there are {}", nucleos.join(", ")));
+    }
     // Checked first, before the other suites take their time.
     let as_root = |suite: &Suite| matches!(suite, Suite::Package | Suite::Rp2040);
     if suites.iter().any(as_root) && !may_be_root()? {
@@ -64,10 +68,10 @@ pub(crate) fn run_all(suites: &[Suite], install: bool) -> Outcome {
     if !groups.is_empty() {
         install::all(&groups, install)?;
     }
-    suites.iter().try_for_each(|suite| run_one(*suite))
+    suites.iter().try_for_each(|suite| run_one(*suite, boards))
 }
 
-fn run_one(suite: Suite) -> Outcome {
+fn run_one(suite: Suite, boards: &[String]) -> Outcome {
     match suite {
         Suite::Workspace => {
             run(&mut tests(&[]))?;
@@ -76,11 +80,7 @@ fn run_one(suite: Suite) -> Outcome {
             run(&mut cargo("test", &core))
         }
         Suite::Qemu => run(&mut tests(&["--test", "qemu"])),
-        Suite::Stm32 => {
-            board::nucleos()?.iter().try_for_each(|board| board::build_both(board))?;
-            // With its figures.
-            run(stm32("test").args(["--", "--nocapture"]))
-        }
+        Suite::Stm32 => emulated(boards),
         Suite::Rp2040 => {
             board::RP2040.iter().try_for_each(|board| board::run(board, "build", &[]))?;
             // In a network of its own.
@@ -140,6 +140,20 @@ pub(crate) fn build(name: &str) -> Outcome<PathBuf> {
     Ok(root().join("target/debug").join(name))
 }
 
+/// Builds the images of these STM32 boards, or of all if none are given, and runs them in the emulator.
+fn emulated(boards: &[String]) -> Outcome {
+    let is_tested = |board: &String| boards.is_empty() || boards.contains(board);
+    let (tested, others): (Vec<_>, Vec<_>) = board::nucleos()?.into_iter().partition(is_tested);
+    tested.iter().try_for_each(|board| board::build_both(board))?;
+    // With its figures. Tests have a chip in their names: f429 is that of the nucleo_f429zi.
+    let mut cargo = stm32("test");
+    cargo.args(["--", "--nocapture"]);
+    for board in &others {
+        cargo.arg("--skip").arg(board.trim_start_matches("nucleo_").trim_end_matches("zi"));
+    }
+    run(&mut cargo)
+}
+
 /// cargo for the emulator of the STM32 boards, a workspace of its own.
 fn stm32(subcommand: &str) -> Command {
     let place = ["--manifest-path", "tests/stm32/Cargo.toml", "--target-dir", "target/stm32"];
@@ -172,8 +186,15 @@ fn main_devices(at_a_time: &str, tests: &[&str]) -> Outcome {
     run(cargo.args(tests).env("MOBGATE_CYCLES", "100000").env("MOBGATE_RESTARTS", "500"))
 }
 
-/// Lets cargo build the same wherever it is, with the dependencies of the Debian package.
-pub(crate) fn short_paths(cargo: &mut Command) -> &mut Command {
+/// A benchmark, with the dependencies of the Debian package: with other flags they would be compiled once more.
+pub(crate) fn bench(words: &[&str]) -> Command {
+    let mut cargo = cargo("bench", words);
+    short_paths(&mut cargo);
+    cargo
+}
+
+/// Lets cargo build the same wherever it is.
+fn short_paths(cargo: &mut Command) -> &mut Command {
     let flags =
         board::remapped(Path::new("rustc")).map(|path| format!("--remap-path-prefix={}/=", path.display()));
     // Separated as cargo wants it, for folders with spaces.

@@ -95,7 +95,7 @@ static SYNC: SyncSignals = SyncSignals::new();
 
 /// Notes the edges of a SYNC signal, which the pin does not keep.
 #[embassy_executor::task(pool_size = 2)]
-async fn note(mut pin: ExtiInput<'static, Async>, signal: fn(&SyncSignals)) -> ! {
+async fn note(mut pin: ExtiInput<'static, Async>, signal: fn(&'static SyncSignals)) -> ! {
     loop {
         pin.wait_for_rising_edge().await;
         signal(&SYNC);

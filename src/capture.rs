@@ -20,9 +20,8 @@ use crate::stats::Event;
 
 mod bytes;
 mod export;
-pub mod pcapng;
+mod pcapng;
 
-pub use self::bytes::BYTES_MAX;
 use self::bytes::Bytes;
 pub use self::export::Export;
 

@@ -29,6 +29,9 @@ mod complete;
 // Without a candidate there is nothing to compare.
 #[cfg(feature = "candidate")]
 pub(crate) mod diff;
+// As `access`.
+#[cfg(feature = "web")]
+mod details;
 mod editor;
 // It came with the web interface, and boards without that have no room for it.
 #[cfg(feature = "web")]

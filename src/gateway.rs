@@ -45,6 +45,9 @@ pub(crate) mod direct_request;
 pub(crate) mod enter;
 mod ethercat;
 pub(crate) mod events;
+// As `web`.
+#[cfg(feature = "web")]
+pub(crate) mod hour;
 mod keep_settings;
 // Without users nothing calls it.
 #[cfg_attr(not(feature = "users"), allow(dead_code))]

@@ -11,6 +11,9 @@ mod changed;
 mod changes;
 mod ethercat;
 mod field;
+// Only the web interface has settings by name.
+#[cfg(feature = "web")]
+pub(crate) mod forms;
 mod line;
 pub(crate) mod listed;
 mod loader;
@@ -24,11 +27,8 @@ mod point_checks;
 mod point_problem;
 mod point_words;
 mod points;
-mod port_fields;
 mod port_keys;
-mod port_keywords;
 mod port_kinds;
-mod port_limits;
 mod port_values;
 mod port_words;
 mod print;
@@ -37,6 +37,8 @@ mod proof;
 mod review;
 mod route_words;
 mod servers;
+#[cfg(feature = "web")] // As `forms`.
+mod shape;
 mod slaves;
 mod syslog;
 mod users;
@@ -46,7 +48,7 @@ mod verbs;
 mod words;
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 
 pub use self::apply::{Applied, apply};
 pub(crate) use self::line::LineBuffer;

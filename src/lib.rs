@@ -48,7 +48,8 @@
 //! With the feature `small` some are lower, for boards with little memory. Without the feature `points` there are no data points,
 //! and no memory for them. Without `ipv6` settings accept IPv4 addresses only, as on boards with their own Ethernet. Without
 //! `servers` a TCP client has one server, given by its address. Without `capture` no frames are stored. Without `paths` names of
-//! serial devices are short, as on boards. Without `web` there is no web interface. Without `ssh` there are no SSH servers and no
+//! serial devices are short, as on boards. Without `web` there is no web interface; without
+//! `long-requests` its requests, and some of its answers, are shorter. Without `ssh` there are no SSH servers and no
 //! public keys of users.
 //!
 //! | limit | value | why |
@@ -73,7 +74,7 @@
 //! | [`scanner::ROWS_MAX`] | 136 | the four tables of each device, and some ranges that take two frames |
 //! | [`scanner::VALUE_BYTES_MAX`] | 4096, without `long-images` 2048 | values of all rows: the longest image each way, and as much again as 1 KiB |
 //! | `settings::POINTS_MAX` | 128, small: 64 | data points in the settings and in the draft shared by all consoles |
-//! | [`capture::FRAMES_MAX`], [`capture::BYTES_MAX`] | 64, 2048, small: half | frames in `show frames` |
+//! | [`capture::FRAMES_MAX`] | 64, of 2048 bytes together; small: half | frames in `show frames` |
 //! | frames, TCP connections | the board's | memory; a connection always has one frame reserved |
 #![no_std]
 #![forbid(unsafe_code)]

@@ -228,7 +228,7 @@ impl Scanner {
         let held = self.entries.iter().filter_map(|entry| {
             let waits = entry.status.any(Status::WRITE_MARKED) && !entry.status.any(Status::WRITE_BLOCKED);
             let station = self.station(entry.row.device.filter(|_| waits)?)?;
-            (station.open.is_none() && station.pending).then_some(station.held)
+            (station.open.is_none() && station.pending).then(|| station.held())
         });
         let abandoned = self.entries.iter().map(Entry::abandoned_at);
         rows.chain(held).chain(abandoned).min().unwrap_or(Instant::MAX)
@@ -304,7 +304,7 @@ impl Scanner {
         station.not_sent(error);
         if crowded {
             // A repeat at once would be refused again.
-            station.held = now + SCAN;
+            station.hold(now + SCAN);
             self.unanswered(device, error, false);
         } else if open == Open::Check {
             self.skip_poll(device);
@@ -334,7 +334,7 @@ impl Scanner {
     fn held(&self, entry: &Entry) -> Duration {
         let station = entry.row.device.and_then(|device| self.station(device));
         station
-            .map_or(Duration::from_ticks(0), |station| station.held.saturating_duration_since(self.started))
+            .map_or(Duration::from_ticks(0), |station| station.held().saturating_duration_since(self.started))
     }
 }
 

@@ -2,7 +2,11 @@
 
 mod address;
 mod ethercat;
+mod field;
 mod functions;
+// As its port.
+#[cfg(feature = "web")]
+mod http;
 mod lane;
 mod limits;
 mod lookup;
@@ -12,6 +16,7 @@ mod own_network;
 mod points;
 mod policy;
 mod port;
+mod port_limits;
 mod proof;
 mod rule;
 mod rules;
@@ -19,6 +24,7 @@ mod serial;
 mod servers;
 mod side;
 mod slaves;
+mod special_units;
 mod syslog;
 mod time;
 mod tls;
@@ -29,7 +35,11 @@ pub use self::address::{Allowed, IpPrefix, Prefixes};
 pub(crate) use self::address::{Endpoint, IPV6, canonical};
 pub(crate) use self::ethercat::INTERFACE_BYTES_MAX;
 pub use self::ethercat::{EthercatSettings, InterfaceName, OnLoss};
+pub(crate) use self::field::{Count, Field};
 pub use self::functions::Functions;
+// As its port.
+#[cfg(feature = "web")]
+pub use self::http::HttpSettings;
 pub use self::lane::Lane;
 pub(crate) use self::limits::{DEVICE_BYTES_MAX, PATHS, RESERVED_MAX};
 pub use self::limits::{LINE_BYTES_MAX, NAME_BYTES_MAX, Name, PORTS_MAX, PortId, ROUTES_MAX};
@@ -40,7 +50,11 @@ pub use self::own_network::{HOST_NAME_BYTES_MAX, HostName, OwnNetwork, StaticAdd
 pub use self::points::{DeviceSettings, Label, PointAt, PointName, PointSettings};
 pub(crate) use self::points::{LABEL_BYTES_MAX, POINTS_MAX};
 pub use self::policy::{AddressRange, Cut, Forbidden, Merge, Policy, Priority, Sharing};
-pub use self::port::{Port, PortKind, Special, UnitPolicy};
+pub(crate) use self::port::Key;
+pub use self::port::{Port, PortKind};
+// Only the web interface tells limits.
+#[cfg(feature = "web")]
+pub(crate) use self::port_limits::BAUD;
 pub(crate) use self::proof::PROOFS_MAX;
 pub use self::proof::{Proof, Proofs};
 pub use self::rule::{Destination, Route, Tag, UnitRange};
@@ -53,6 +67,7 @@ pub(crate) use self::servers::{PORT_SERVERS_MAX, SERVERS, SERVERS_MAX};
 pub use self::side::Side;
 pub use self::slaves::{Cells, OnSilence, SlaveSettings};
 pub(crate) use self::slaves::{POLLING_MS, SLAVES_MAX};
+pub use self::special_units::{Special, UnitPolicy};
 pub(crate) use self::syslog::{AUDIT, NtpServers, Syslogs};
 pub use self::syslog::{Syslog, Transport};
 pub use self::time::Time;

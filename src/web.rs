@@ -4,7 +4,7 @@
 //! which do what the console's commands do, by the same tables, candidate and direct requests. What they return is an
 //! `answer`, sent row by row. The framing is picoserve's, over the board's streams.
 
-// A refusal is an answer, which is as large as any: there is no heap.
+// A refusal is a whole answer, as large as any other, because there is no heap.
 #![allow(clippy::result_large_err)]
 
 mod answer;
@@ -15,15 +15,20 @@ mod commands;
 mod guard;
 mod job;
 mod json;
+mod lines;
+mod metrics;
 // Replaced by a stub in images without the page.
 #[cfg_attr(not(feature = "page"), path = "web/no_page.rs")]
 mod page;
 mod piece;
 mod session;
+mod settings;
 mod status;
+#[cfg(test)]
+mod tests;
 mod transport;
+mod update;
 
-use core::cell::Cell;
 use core::future::pending;
 use core::net::SocketAddr;
 
@@ -33,17 +38,18 @@ use embassy_sync::mutex::Mutex;
 use embassy_time::{Duration, Instant, Timer};
 use picoserve::{Config, Router, Server, Timeouts, time};
 
-use self::api::Api;
-use self::transport::{Clock, Halves, REQUEST_BYTES_MAX};
+use self::api::{Api, Terms};
+use self::transport::{Clock, Halves, Life, REQUEST_BYTES_MAX};
 use crate::gateway::{Gateway, PortState};
-use crate::hal::{OpenError, OpenErrorKind, Store, System, TcpHost, TcpStream};
+use crate::hal::{OpenError, OpenErrorKind, Store, System, TcpHost, TcpStream, Update};
+use crate::port::server::handshake::handshake;
 use crate::port::server::listening;
-use crate::settings::{Allowed, PortId, PortKind, Settings, TcpListen};
+use crate::settings::{Allowed, HttpSettings, PortId, PortKind, Settings, TcpListen};
 use crate::stats::Event;
 
 /// Pause after a failed accept.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(200);
-/// A connection is closed at this age: the longest wait for a device's response, and some time for both ways. Longer work puts it off.
+/// A connection is closed at this age: the longest response time-out, and a margin. Longer work extends it.
 const AGE_MAX: Duration = Duration::from_secs(140);
 
 /// A request must begin, and must have arrived, within these times; a piece of the response must be taken within the last one.
@@ -53,7 +59,7 @@ const TIMEOUTS: Timeouts = Timeouts {
     read_request: time::Duration::from_secs(5),
     write: time::Duration::from_secs(5),
 };
-/// One request each, so that nobody keeps others from a connection.
+/// One request per connection, so that nobody blocks others.
 const CONFIG: Config = Config::new(TIMEOUTS).close_connection_after_response();
 
 /// No user can log in yet.
@@ -75,26 +81,26 @@ impl Port {
     fn of(settings: &Settings) -> Option<Self> {
         let is_on = settings.can_log_in();
         settings.ports.iter().enumerate().find_map(|(at, port)| match &port.as_ref()?.kind {
-            PortKind::Http { listen, .. } => Some(Self { id: PortId(at as u8), listen: *listen, is_on }),
+            PortKind::Http(server) => Some(Self { id: PortId(at as u8), listen: server.listen, is_on }),
             _ => None,
         })
     }
 }
 
-/// Who may use the port, and whether other machines may.
-fn terms(settings: &Settings, id: PortId) -> Option<(&Allowed, bool)> {
+/// The settings of the port.
+fn server(settings: &Settings, id: PortId) -> Option<&HttpSettings> {
     match &settings.port(id)?.kind {
-        PortKind::Http { allowed, cleartext, .. } => Some((allowed, *cleartext)),
+        PortKind::Http(server) => Some(server),
         _ => None,
     }
 }
 
 /// Serves one connection after another, forever, as task number `nth`: a board runs up to 8, which are as many connections at a time.
-pub async fn run<H: TcpHost, S: Store, Y: System>(
+pub async fn run<H: TcpHost, S: Store, U: Update, Y: System>(
     gateway: &Gateway<'_>,
     nth: usize,
     host: &mut H,
-    store: &mut S,
+    (store, update): (&mut S, &mut U),
     system: &Y,
 ) {
     let Some(changed) = gateway.web.changed(nth) else { return pending().await };
@@ -117,11 +123,17 @@ pub async fn run<H: TcpHost, S: Store, Y: System>(
                 changed.wait().await;
             }
         };
-        match select(moved, accept(gateway, port_state, &port, host)).await {
+        let marked = async {
+            loop {
+                gateway.web.hour.mark(Instant::now(), gateway.port_states());
+                Timer::at(gateway.web.hour.due()).await;
+            }
+        };
+        match select(select(moved, marked), accept(gateway, port_state, &port, host)).await {
             // All tasks release the listener before a new one is opened.
-            Either::First(()) => yield_now().await,
+            Either::First(_) => yield_now().await,
             Either::Second(Ok((stream, peer))) => {
-                serve(gateway, port.id, stream, peer, (&mut *store, system)).await;
+                serve(gateway, port.id, (stream, peer), (&mut *store, &mut *update), system).await;
             }
             Either::Second(Err(error)) => {
                 listening::fails(port_state, "TCP", port.listen.port, error);
@@ -138,52 +150,57 @@ async fn accept<'h, H: TcpHost>(
     port: &Port,
     host: &'h mut H,
 ) -> Result<(H::Stream<'h>, SocketAddr), OpenError> {
+    if gateway.settings(|settings| server(settings, port.id).is_some_and(HttpSettings::is_encrypted)) {
+        host.prepare_tls(port.id)?;
+    }
     host.listen(&port.listen)?;
     listening::listens(port_state, "TCP", port.listen.port, || {
         let everybody = Allowed::everybody();
         let is_open =
-            gateway.settings(|settings| terms(settings, port.id).map(|(allowed, _)| *allowed == everybody));
+            gateway.settings(|settings| server(settings, port.id).map(|server| server.allowed == everybody));
         host.public_address(&port.listen).filter(|_| is_open == Some(true))
     });
     host.accept(&port.listen).await
 }
 
-/// Waits until a time that may be put off.
-async fn until(end: &Cell<Instant>) {
-    while Instant::now() < end.get() {
-        Timer::at(end.get()).await;
-    }
-}
-
 /// Serves the client at `peer`.
-async fn serve<S: Store, Y: System>(
+async fn serve<S: Store, U: Update, Y: System>(
     gateway: &Gateway<'_>,
     id: PortId,
-    mut stream: impl TcpStream,
-    peer: SocketAddr,
-    (store, system): (&mut S, &Y),
+    (mut stream, peer): (impl TcpStream, SocketAddr),
+    (store, update): (&mut S, &mut U),
+    system: &Y,
 ) {
+    let life = Life::new(AGE_MAX);
     let peer = peer.ip().to_canonical();
-    let cleartext = gateway.settings(|settings| {
-        terms(settings, id).filter(|(allowed, _)| allowed.admits(peer)).map(|(_, cleartext)| cleartext)
+    let terms = gateway.settings(|settings| {
+        server(settings, id)
+            .filter(|server| server.allowed.admits(peer))
+            .map(|server| Terms::of(server, peer))
     });
-    if let Some(cleartext) = cleartext {
+    if let Some(terms) = terms {
+        if terms.encrypted && handshake(gateway, id, &mut stream, peer).await.is_err() {
+            return stream.close().await;
+        }
         let mut buffer = [0; REQUEST_BYTES_MAX];
-        let end = Cell::new(Instant::now() + AGE_MAX);
         let app = Router::from_service(Api {
             gateway,
             store: Mutex::new(store),
+            update: Mutex::new(update),
             system,
             port: id,
             peer,
-            cleartext,
-            end: &end,
+            terms,
+            life: &life,
         });
-        let server = Server::custom(&app, Clock, &CONFIG, &mut buffer);
+        let server = Server::custom(&app, Clock(&life), &CONFIG, &mut buffer);
         // An error ends the connection.
-        select(server.serve(Halves::new(&mut stream)), until(&end)).await;
+        select(server.serve(Halves::new(&mut stream, &life)), life.is_over()).await;
     } else {
         listening::refuses(gateway, id, peer, Event::Unwelcome);
     }
     stream.close().await;
+    if life.restarts.get() {
+        system.reboot();
+    }
 }

@@ -5,6 +5,7 @@
 #[allow(dead_code)]
 #[path = "../../tests/ethercat/gateway/bench.rs"]
 mod bench;
+mod clocks;
 mod gateway;
 #[path = "../../tests/ethercat/gateway/matrix.rs"]
 mod matrix;
@@ -17,4 +18,5 @@ pub(crate) fn figures() {
     gateway::figures();
     spi::figures();
     sub_device::figures();
+    clocks::figures();
 }

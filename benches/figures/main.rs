@@ -2,7 +2,7 @@
 //! is looked at.
 //!
 //! Each is printed as `figure NAME VALUE UNIT TARGET ok|short`. Names given as arguments select what is run; `plot`
-//! draws docs/paper.svg.
+//! draws docs/paper.svg, and `drive`, which takes as long as all others, is only run by its name.
 
 // Linked for the clock and the locks of a host.
 use mobgate_clock as _;
@@ -15,6 +15,7 @@ mod goodput;
 mod in_step;
 mod line;
 mod merging;
+mod pages;
 mod paper;
 mod plot;
 mod points;
@@ -32,6 +33,7 @@ use figure::{Target, figure};
 fn main() {
     let groups: &[(&str, fn())] = &[
         ("line", line::figures),
+        ("pages", pages::figures),
         ("paper", paper::figures),
         ("sharing", sharing::figures),
         ("merging", merging::figures),
@@ -55,7 +57,7 @@ fn main() {
         plot::draw().expect("a folder in which docs/ can be written");
     }
     for (name, figures) in groups {
-        if wanted.is_empty() || wanted.iter().any(|group| group == name) {
+        if wanted.is_empty() && *name != "drive" || wanted.iter().any(|group| group == name) {
             figures();
         }
     }

@@ -3,7 +3,7 @@
 use heapless::Vec;
 
 /// Size of the buffer.
-pub const BYTES_MAX: usize = if cfg!(feature = "small") { 1_024 } else { 2_048 };
+const BYTES_MAX: usize = if cfg!(feature = "small") { 1_024 } else { 2_048 };
 
 /// A queue of bytes.
 pub(super) struct Bytes {

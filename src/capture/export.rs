@@ -40,20 +40,20 @@ impl<'c> Export<'c> {
     /// Writes the next frame, if there is one; returns whether there was.
     pub async fn write_next<W: Write>(&mut self, out: &mut W) -> Result<bool, W::Error> {
         let Some(mut frame) = self.following.next() else { return Ok(false) };
-        let epoch_us = self.capture.epoch_us.lock(core::cell::Cell::get);
+        // Blocks are encoded one by one, so that the future holds one at most: each connection of a board has such a future.
+        let epoch_us = || self.capture.epoch_us.lock(core::cell::Cell::get);
         if frame.missed > 0 {
             self.dropped += u64::from(frame.missed);
-            out.write_all(&pcapng::statistics(frame.head.at, epoch_us, self.dropped)).await?;
+            out.write_all(&pcapng::statistics(frame.head.at, epoch_us(), self.dropped)).await?;
         }
-        // Encoded twice, so that the future holds no block while it writes the frame's bytes: each connection of a board has one.
-        out.write_all(&pcapng::packet(&frame, epoch_us).0).await?;
+        out.write_all(&pcapng::before(&frame, epoch_us())).await?;
         loop {
             out.write_all(&frame.bytes).await?;
             if !self.capture.next_part(&mut frame) {
                 break;
             }
         }
-        out.write_all(&pcapng::packet(&frame, epoch_us).1).await?;
+        out.write_all(&pcapng::behind(&frame)).await?;
         Ok(true)
     }
 }

@@ -12,7 +12,7 @@ use crate::stats::Event;
 /// Size of the largest block without a frame's bytes.
 const BLOCK_BYTES_MAX: usize = 80;
 /// A block, or the part of one before or after a frame.
-pub type Block = Vec<u8, BLOCK_BYTES_MAX>;
+pub(super) type Block = Vec<u8, BLOCK_BYTES_MAX>;
 
 const SECTION_HEADER: u32 = 0x0a0d_0d0a;
 const INTERFACE: u32 = 1;
@@ -39,7 +39,7 @@ const CRC_ERROR: u32 = 1 << 24;
 const TOO_SHORT: u32 = 1 << 26;
 
 /// The section header block, which starts the file.
-pub fn header() -> Block {
+pub(super) fn header() -> Block {
     block(SECTION_HEADER, |block| {
         put(block, &0x1a2b_3c4d_u32.to_le_bytes());
         // Version 1.0; the length of the section is unknown.
@@ -49,7 +49,7 @@ pub fn header() -> Block {
 }
 
 /// The block of the next interface, called `name`.
-pub fn interface(name: &str) -> Block {
+pub(super) fn interface(name: &str) -> Block {
     block(INTERFACE, |block| {
         put(block, &UPPER_PDU.to_le_bytes());
         // Reserved, and no snapshot length.
@@ -61,7 +61,7 @@ pub fn interface(name: &str) -> Block {
 
 /// The number of frames lost so far, with the time of the next one, or of now. They may belong to any interface; the count is stored with
 /// the first.
-pub fn statistics(at: Instant, epoch_us: u64, dropped: u64) -> Block {
+pub(super) fn statistics(at: Instant, epoch_us: u64, dropped: u64) -> Block {
     let at = epoch_us.wrapping_add(at.as_micros());
     block(INTERFACE_STATISTICS, |block| {
         for field in [0, (at >> 32) as u32, at as u32] {
@@ -72,27 +72,39 @@ pub fn statistics(at: Instant, epoch_us: u64, dropped: u64) -> Block {
     })
 }
 
-/// The parts before and after a frame's bytes; its port is the interface. `epoch_us`: start of the gateway's clock, in
-/// microseconds since 1970.
-pub fn packet(frame: &Captured, epoch_us: u64) -> (Block, Block) {
-    let tags = tags(frame);
+/// The part before a frame's bytes; its port is the interface. `epoch_us`: start of the gateway's clock, in microseconds since 1970.
+pub(super) fn before(frame: &Captured, epoch_us: u64) -> Block {
     let at = epoch_us.wrapping_add(frame.head.at.as_micros());
-    let length = (tags.len() + frame.length()) as u32;
-    let mut behind = Block::new();
-    pad(&mut behind, frame.length());
-    option(&mut behind, OPTION_COMMENT, frame.head.verdict.name().as_bytes());
-    option(&mut behind, OPTION_FLAGS, &flags(frame).to_le_bytes());
-    option(&mut behind, 0, &[]);
-    let mut before = Block::new();
-    // Type, two lengths, and five fields.
-    let whole = 8 + 20 + length + behind.len() as u32 + 4;
+    let length = (tags(frame).len() + frame.length()) as u32;
     let interface = u32::from(frame.head.port.0);
-    for field in [ENHANCED_PACKET, whole, interface, (at >> 32) as u32, at as u32, length, length] {
+    let mut before = Block::new();
+    for field in [ENHANCED_PACKET, whole(frame), interface, (at >> 32) as u32, at as u32, length, length] {
         put(&mut before, &field.to_le_bytes());
     }
-    put(&mut before, &tags);
-    put(&mut behind, &whole.to_le_bytes());
-    (before, behind)
+    put(&mut before, &tags(frame));
+    before
+}
+
+/// The part after a frame's bytes.
+pub(super) fn behind(frame: &Captured) -> Block {
+    let mut behind = options(frame);
+    put(&mut behind, &whole(frame).to_le_bytes());
+    behind
+}
+
+/// The length of a frame's block: type, two lengths, five fields, the tags, the frame, and the options.
+fn whole(frame: &Captured) -> u32 {
+    (8 + 20 + tags(frame).len() + frame.length() + options(frame).len() + 4) as u32
+}
+
+/// The padding of a frame's bytes, and the options of its block.
+fn options(frame: &Captured) -> Block {
+    let mut options = Block::new();
+    pad(&mut options, frame.length());
+    option(&mut options, OPTION_COMMENT, frame.head.verdict.name().as_bytes());
+    option(&mut options, OPTION_FLAGS, &flags(frame).to_le_bytes());
+    option(&mut options, 0, &[]);
+    options
 }
 
 fn flags(frame: &Captured) -> u32 {

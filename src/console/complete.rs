@@ -114,11 +114,11 @@ mod tests {
         assert_eq!(appended("sh").as_deref(), Some("ow "));
         assert_eq!(appended("show st").as_deref(), Some("ats "));
         assert_eq!(appended("delete route").as_deref(), None);
-        assert_eq!(appended("edit port met").as_deref(), Some("ers "));
+        assert_eq!(appended("edit port mete").as_deref(), Some("rs "));
         assert_eq!(appended("route p").as_deref(), Some("502 "));
         assert_eq!(appended("edit port meters tur").as_deref(), Some("naround "));
         assert_eq!(appended("serv").as_deref(), Some("er "));
-        assert_eq!(appended("server met").as_deref(), Some("ers "));
+        assert_eq!(appended("server mete").as_deref(), Some("rs "));
         assert_eq!(appended("show se").as_deref(), Some("rvers "));
         assert_eq!(appended("delete se").as_deref(), Some("rver "));
         assert_eq!(appended("port plant tcp client sock").as_deref(), Some("ets "));

@@ -42,7 +42,7 @@ explain PORT UNIT FUNCTION [ADDRESS [COUNT]] [from IP] [role ROLE]
 pub(crate) struct Explained {
     /// The index of the rule that decides, if one does.
     pub(crate) rule: Option<usize>,
-    /// Rules are for it, but for clients of other roles.
+    /// Rules match, but require another role.
     lacks_role: bool,
     pub(crate) decision: Decision,
 }
@@ -79,7 +79,7 @@ impl Explained {
         Ok(Self::of(settings, source, unit, client, &request(function, address, count)))
     }
 
-    /// What becomes of a request.
+    /// What happens to a request.
     fn of(settings: &Settings, source: PortId, unit: u8, client: Client<'_>, request: &[u8]) -> Self {
         let rule = routing::deciding(settings, source, unit, client);
         let decision = routing::decide(settings, source, unit, client, request);
@@ -140,7 +140,7 @@ fn request(function: u8, address: u16, count: u16) -> Pdu {
     };
     let mut request = Pdu::new();
     let most = request.capacity();
-    // More values than a frame holds are judged like as many as it holds: by their number, which is in the head.
+    // More values than fit in a frame are judged by their count, which is in the header.
     let _ = request.resize(length.min(most), 0);
     request.iter_mut().zip(fields).for_each(|(place, field)| *place = field);
     request

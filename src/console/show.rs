@@ -8,6 +8,8 @@ use embassy_time::Instant;
 use super::audit;
 #[cfg(feature = "tls")] // As the topic.
 use super::certificates;
+#[cfg(feature = "web")] // As what uses it.
+use super::details;
 #[cfg(feature = "candidate")] // As the topic.
 use super::diff;
 use super::layout::{self, Columns, Layout};
@@ -60,6 +62,12 @@ pub(crate) enum Show {
     // Only the web interface shows it.
     #[cfg(feature = "web")]
     Transactions,
+    #[cfg(feature = "web")] // As above.
+    Details,
+    #[cfg(feature = "web")] // As above.
+    Ethercat,
+    #[cfg(feature = "web")] // As above.
+    Modules,
     Frames,
     Version,
     Update,
@@ -192,6 +200,12 @@ pub(super) fn write(
         Show::Log => event(source, system, place, out),
         #[cfg(feature = "web")]
         Show::Transactions => titled(LOG, place, out, |nth, out| transaction(source, nth, out)),
+        #[cfg(feature = "web")]
+        Show::Details => table(details::UNITS, details::unit, out),
+        #[cfg(feature = "web")]
+        Show::Ethercat => table(details::ETHERCAT, details::ethercat, out),
+        #[cfg(feature = "web")]
+        Show::Modules => table(details::MODULES, details::module, out),
         Show::Version => version::row(source, system, place, out),
         Show::Update => version::update(system, place, out),
         Show::Frames | Show::Users => None,

@@ -2,6 +2,7 @@
 
 use embassy_time::{Duration, Timer};
 use ethercat_subdevice::application::Application as _;
+use ethercat_subdevice::clocks::SyncSignals;
 use ethercat_subdevice::device::Device;
 use ethercat_subdevice::esc::{Esc, EscError};
 use ethercat_subdevice::foe::FileAccess;
@@ -60,17 +61,19 @@ pub type LongSubDevice<E, A> = SubDevice<
 
 /// The gateway's EtherCAT task: serves the controller behind `esc` forever, whenever it is present. `points` are the gateway's data
 /// points, if any; `files` are a [`FirmwareBuffer`](super::FirmwareBuffer), or [`NoFiles`](ethercat_subdevice::foe::NoFiles);
-/// `attention` as for [`SubDevice::run`].
+/// `attention` as for [`SubDevice::run`], and `sync` where the board has the controller's SYNC pins.
 pub async fn serve<F: GatewayFiles>(
     shared: &EthercatState,
     points: Option<&ScannerState>,
     files: F,
     esc: impl Esc,
+    sync: Option<&'static SyncSignals>,
     attention: impl AsyncFnMut(),
 ) -> ! {
     let objects = GatewayObjects::new(shared).with_points(points).with_files(files);
     let device = if F::ACCESS == FileAccess::None { device } else { updatable_device };
-    run(shared, &mut SubDevice::new(device(false), esc, objects), device, attention).await
+    let mut sub_device = SubDevice::new(device(false), esc, objects).with_sync(sync);
+    run(shared, &mut sub_device, device, attention).await
 }
 
 /// The same for a controller with memory for longer images, and a `shared` for them ([`EthercatState::long`]).
@@ -79,11 +82,12 @@ pub async fn serve_long(
     shared: &EthercatState,
     points: Option<&ScannerState>,
     esc: impl Esc,
+    sync: Option<&'static SyncSignals>,
     attention: impl AsyncFnMut(),
 ) -> ! {
     let objects = GatewayObjects::new(shared).with_points(points);
-    run(shared, &mut LongSubDevice::with_buffers(long_device(false), esc, objects), long_device, attention)
-        .await
+    let mut sub_device = LongSubDevice::with_buffers(long_device(false), esc, objects).with_sync(sync);
+    run(shared, &mut sub_device, long_device, attention).await
 }
 
 /// Serves as the device that `device` returns for modules or none, as selected by the settings. By reference: a future stores both

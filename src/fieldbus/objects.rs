@@ -47,8 +47,8 @@ pub const DEVICE: Device = Device {
     // A LAN9252 has 4 KiB of process memory: mailboxes of 128 bytes leave 1280 bytes for both images, each triple-buffered. Their
     // start does not depend on the assigned PDOs.
     memory: MemoryPlan::new(128, IMAGE_BYTES, (IMAGE_BYTES + STATUS_BYTES).next_multiple_of(8), 4096),
-    // LAN9252: SPI, no synchronisation signals.
-    controller: [0x80, 0, 0, 0, 0, 0, 0, 0],
+    // LAN9252: SPI; SYNC0 and SYNC1 at pins, push-pull and active high, with pulses of 10 us.
+    controller: [0x80, 0x04, 0, 0x66, 0xe8, 0x03, 0, 0],
     // Some MainDevices (ethercrab 0.7) fail at the first one: 10F3h:05 and the port's settings enable them.
     emergencies: false,
     files: FileAccess::None,
@@ -200,8 +200,8 @@ const BEHIND_PDOS: &[Object] = &[
     standard::SYNC_MANAGER_TYPES,
     standard::rx_assignment(&[0x1601], standard::SELECTABLE),
     standard::tx_assignment(&[0x1a01], standard::SELECTABLE),
-    standard::OUTPUT_SYNCHRONISATION,
-    standard::INPUT_SYNCHRONISATION,
+    standard::OUTPUT_CLOCKS,
+    standard::INPUT_CLOCKS,
     Object::record(0x2000, "ModbusConfig", MODBUS),
 ];
 

@@ -30,7 +30,7 @@ impl Gateway<'_> {
         self.date(at).map_or(Stamp::Up(at), Stamp::Date)
     }
 
-    /// Takes over that it was `date` at the time `at`, as `server` says; or why it did not.
+    /// Sets the clock: at the time `at` it was `date`, as `server` says. Returns why it was not set.
     pub fn set_time(&self, server: &ServerAddress, told: Result<(Date, Instant), OpenError>) {
         let was_unknown = self.time_state(|state| {
             let was_unknown = state.start.is_none();
@@ -47,7 +47,7 @@ impl Gateway<'_> {
         }
     }
 
-    /// Writes the time of `now` and who has told it; nothing where nobody is asked.
+    /// Writes the date of `now` and its source; nothing without an NTP server.
     pub(crate) fn write_time(
         &self,
         asked: Option<&ServerAddress>,

@@ -1,4 +1,4 @@
-//! Whether new settings cut off who makes them, who could then not take them back: pure.
+//! Whether new settings would lock out the user who commits them, who could then not revert them. Pure.
 
 use core::net::IpAddr;
 
@@ -7,11 +7,11 @@ use crate::settings::{
     Allowed, PortId, PortKind, Settings, StreamFraming, TcpListen, TcpServerSettings, User,
 };
 
-/// Why a change of the settings is refused to who makes it.
+/// Why a change of the settings is refused.
 pub(crate) type CutOff = &'static str;
 
-/// Why `after` would cut off `actor`, who has come by `port`, if that is one of the settings. The local console is always open, and who
-/// has not logged in changes nothing.
+/// Why `after` would lock out `actor`, who is connected through `port`, if that is one of the settings. The local console is always
+/// open, and whoever has not logged in changes nothing.
 pub(crate) fn cut_off(
     before: &Settings,
     after: &Settings,
@@ -44,9 +44,12 @@ impl<'s> Entrance<'s> {
             }
             // Images without a web interface have no such port.
             #[cfg(feature = "web")]
-            PortKind::Http { listen, allowed, cleartext } => {
-                Some(Self { listen: *listen, framing: None, allowed, is_open: *cleartext })
-            }
+            PortKind::Http(server) => Some(Self {
+                listen: server.listen,
+                framing: None,
+                allowed: &server.allowed,
+                is_open: server.cleartext || server.is_encrypted(),
+            }),
             _ => None,
         }
     }
@@ -58,7 +61,7 @@ impl<'s> Entrance<'s> {
     }
 }
 
-/// Why `peer` would not get through to a session as it got through `old`.
+/// Why `peer` could not come in again as it did through `old`.
 fn unreachable(old: &Entrance<'_>, after: &Settings, peer: IpAddr) -> Option<CutOff> {
     let mut entrances = (0..after.ports.len()).filter_map(|at| Entrance::of(after, PortId(at as u8)));
     match entrances.find(|new| new.replaces(old)) {
@@ -71,7 +74,7 @@ fn unreachable(old: &Entrance<'_>, after: &Settings, peer: IpAddr) -> Option<Cut
     }
 }
 
-/// Why a user could not log in as now.
+/// Why the user could no longer log in.
 fn unknown(before: &User, after: Option<&User>) -> Option<CutOff> {
     match after {
         None => Some("your user is gone"),

@@ -1,7 +1,7 @@
 //! How settings differ as lines: for the audit trail, and for `diff`.
 //!
-//! Both walk along the lines of the old and the new settings, of which they know check sums with all secrets: a password that is another
-//! is a line that differs, and is not shown. A rule that moves is a line that goes and one that comes.
+//! Both walk through the lines of the old and the new settings and compare checksums, which include all secrets: a changed password
+//! is a changed line, but is not shown. A rule that moves is one line removed and one added.
 
 use core::fmt;
 
@@ -31,7 +31,7 @@ const LINES_MAX: usize = if AUDIT || cfg!(feature = "candidate") {
     0
 };
 
-/// Lines told of one change.
+/// Most lines listed for one change.
 const TOLD_MAX: usize = 64;
 
 /// The check sum of a line (FNV-1a), whatever its columns are.
@@ -73,8 +73,8 @@ fn line(settings: &Settings, n: usize) -> Line {
     line
 }
 
-/// How far a walk along the lines of the old and the new settings is.
-#[derive(Debug, Default)]
+/// Position in the lines of the old and the new settings.
+#[derive(Debug, Clone, Default)]
 pub(crate) struct Difference {
     old: usize,
     new: usize,
@@ -99,7 +99,7 @@ impl Difference {
                     self.old += 1;
                     self.new += 1;
                 }
-                // A line that is nowhere any more goes first; then one comes that was not among those left.
+                // Removed lines first, then added ones.
                 (Some(gone), came) if !has(is, new, gone) || came.is_some_and(|came| has(was, old, came)) => {
                     self.old += 1;
                     return Some(('-', old));

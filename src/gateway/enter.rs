@@ -12,13 +12,13 @@ use super::audit::{Actor, Topic};
 use crate::hal::System;
 use crate::settings::{Name, User};
 
-/// What somebody logs in with.
+/// Credentials.
 pub enum Credential<'c> {
     /// A password.
     Password(&'c str),
     /// A public key, as the settings have it, whose owner has proved to have the private one.
     Key(&'c str),
-    /// A public key whose proof is still to come, if it is accepted. A client may offer several: one refused may count for all.
+    /// A public key that the client offers and has not proved yet. A client may offer several, so only the first refusal need count.
     Offered {
         /// The key.
         key: &'c str,

@@ -1,4 +1,4 @@
-//! Stub for sessions that are cut off, without the feature `candidate`: nothing is refused, for there is no way to take it back.
+//! Stub without the feature `candidate`: nothing is refused, because no change can be confirmed later.
 
 use core::convert::Infallible;
 

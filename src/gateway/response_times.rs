@@ -32,6 +32,13 @@ impl ResponseTimes {
         }
     }
 
+    /// The counts by class.
+    // Only the web interface shows them.
+    #[cfg(feature = "web")]
+    pub(crate) fn classes(&self) -> &[u8] {
+        &self.0
+    }
+
     /// The time in microseconds within which `percent` of the responses arrived, at most two seconds; `None` without responses.
     pub fn percentile(&self, percent: u32) -> Option<u32> {
         let total: u32 = self.0.iter().map(|count| u32::from(*count)).sum();

@@ -9,21 +9,28 @@ use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::mutex;
 use embassy_sync::signal::Signal;
 use embassy_time::{Duration, Instant};
+use heapless::String;
 
+use super::hour::Hour;
 use super::shared::Shared;
 use super::turns::Turns;
 use crate::settings::{Name, PasswordHash};
 
 /// Simultaneous connections, each with a task.
 pub(crate) const CONNECTIONS_MAX: usize = 8;
-/// Connections of those that may be held for live values.
-const LIVE_MAX: u8 = 4;
+/// Connections of those that may be held for the events of pages, and for frames. What is left is for calls.
+const PAGES_MAX: u8 = 4;
+const CAPTURES_MAX: u8 = 2;
+const _: () = assert!(((PAGES_MAX + CAPTURES_MAX) as usize) < CONNECTIONS_MAX, "calls get through");
 /// Users logged in at a time; a further one takes the place of the session that was used longest ago.
 const SESSIONS_MAX: usize = 16;
 /// A session ends if nobody uses it for this time,
 const IDLE_MAX: Duration = Duration::from_secs(30 * 60);
 /// and at this age.
 const AGE_MAX: Duration = Duration::from_secs(12 * 3_600);
+
+/// Fits the longest piece of an answer: the 2000 bits of a point.
+const PIECE_BYTES_MAX: usize = 6_144;
 
 /// The secret of a session, random.
 pub(crate) type Token = [u8; 16];
@@ -54,16 +61,28 @@ pub(crate) struct Web {
     pub(crate) log_in: mutex::Mutex<CriticalSectionRawMutex, ()>,
     /// Limits the rate of requests.
     pub(crate) turns: Turns,
-    /// Connections held for live values.
-    live: AtomicU8,
-    /// Stops the command that takes a while: there is one at a time, because it has the turn for direct requests.
+    /// For pieces of answers that do not fit into a connection's own memory; held until it is sent.
+    pub(crate) long_piece: mutex::Mutex<CriticalSectionRawMutex, String<PIECE_BYTES_MAX>>,
+    /// Connections held, by what for.
+    held: [AtomicU8; 2],
+    /// The errors of units in the last hour.
+    pub(crate) hour: Hour,
+    /// Stops the long command, `scan` or `tune`. One signal is enough: a long command holds the turn for direct requests, so only one
+    /// runs at a time, and `reset` at its start drops a stop that was meant for the one before.
     pub(crate) stop: Signal<CriticalSectionRawMutex, ()>,
 }
 
-/// A connection that is held for live values.
-pub(crate) struct Live<'w>(&'w AtomicU8);
+/// What a connection is held for.
+#[derive(Clone, Copy)]
+pub(crate) enum Hold {
+    Events,
+    Frames,
+}
 
-impl Drop for Live<'_> {
+/// A connection that is held.
+pub(crate) struct Held<'w>(&'w AtomicU8);
+
+impl Drop for Held<'_> {
     fn drop(&mut self) {
         self.0.store(self.0.load(Relaxed).saturating_sub(1), Relaxed);
     }
@@ -76,7 +95,9 @@ impl Web {
             changed: [const { Signal::new() }; CONNECTIONS_MAX],
             log_in: mutex::Mutex::new(()),
             turns: Turns::new(),
-            live: AtomicU8::new(0),
+            long_piece: mutex::Mutex::new(String::new()),
+            held: [const { AtomicU8::new(0) }; 2],
+            hour: Hour::new(),
             stop: Signal::new(),
         }
     }
@@ -119,12 +140,17 @@ impl Web {
         })
     }
 
-    /// Holds a connection for live values, unless too many are held.
-    pub(crate) fn hold(&self) -> Option<Live<'_>> {
-        let live = self.live.load(Relaxed);
-        (live < LIVE_MAX).then(|| {
-            self.live.store(live + 1, Relaxed);
-            Live(&self.live)
+    /// Holds a connection, unless too many are held for the same.
+    pub(crate) fn hold(&self, hold: Hold) -> Option<Held<'_>> {
+        let [events, frames] = &self.held;
+        let (held, most) = match hold {
+            Hold::Events => (events, PAGES_MAX),
+            Hold::Frames => (frames, CAPTURES_MAX),
+        };
+        let count = held.load(Relaxed);
+        (count < most).then(|| {
+            held.store(count + 1, Relaxed);
+            Held(held)
         })
     }
 
@@ -157,12 +183,13 @@ mod tests {
     }
 
     #[test]
-    fn half_of_the_connections_may_be_held_and_each_is_given_back() {
+    fn four_pages_and_two_captures_are_held_apart_and_each_connection_is_given_back() {
         let web = Web::new();
-        let held: std::vec::Vec<_> = (0..4).map_while(|_| web.hold()).collect();
-        assert_eq!((held.len(), web.hold().is_none()), (4, true));
-        drop(held);
-        assert!(web.hold().is_some());
+        let pages: std::vec::Vec<_> = (0..8).map_while(|_| web.hold(Hold::Events)).collect();
+        let captures: std::vec::Vec<_> = (0..8).map_while(|_| web.hold(Hold::Frames)).collect();
+        assert_eq!((pages.len(), captures.len()), (4, 2));
+        drop(pages);
+        assert!(web.hold(Hold::Events).is_some() && web.hold(Hold::Frames).is_none());
     }
 
     fn is_found(web: &Web, token: u8, now: Instant) -> bool {

@@ -103,6 +103,7 @@ pub(crate) fn lacks_certificate(settings: &Settings, kind: &PortKind) -> Option<
     let own = || lacks(certificate, Purpose::Own, "own FILE key FILE");
     let own = if is_server || certificate.is_some() { own() } else { None };
     let trusted = || match is_server {
+        true if !kind.wants_certificates() => None,
         true => lacks(trust, Purpose::Clients, "clients FILE"),
         false => lacks(trust, Purpose::Servers, "servers FILE"),
     };

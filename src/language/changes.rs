@@ -94,7 +94,7 @@ fn conflict(own: &PortKind, other: &PortKind, name: &Name) -> Option<Problem> {
         }
         // As its kind of port.
         #[cfg(feature = "web")]
-        (PortKind::Http { .. }, PortKind::Http { .. }) => Some(Problem::HttpTaken),
+        (PortKind::Http(_), PortKind::Http(_)) => Some(Problem::HttpTaken),
         (PortKind::UdpServer(own), PortKind::UdpServer(other)) if own.listen.collides(&other.listen) => {
             Some(Problem::ListenTaken)
         }

@@ -1,10 +1,9 @@
-//! The fields of a port that keywords set: where each is stored, how it is parsed, and how it is printed.
+//! How each sort of setting in a port line is parsed and printed.
 
 use core::fmt::{self, Display};
-use core::ops::RangeInclusive;
 
 use embassy_time::Duration;
-use heapless::{String, Vec};
+use heapless::Vec;
 
 // As what uses it.
 #[cfg(feature = "tls")]
@@ -12,60 +11,14 @@ use super::certificates::certificate_name;
 use super::ethercat::ON_LOSS;
 use super::option::list;
 use super::port_values::{device, format, interface, meaning, prefixes, reserved_for, server_address};
+#[cfg(feature = "web")] // As what uses it.
+use super::shape::Shape;
 use super::values::{listen, name, number, time};
 use super::words::{Word, Words, Wrong};
-use crate::settings::{
-    Allowed, DEVICE_BYTES_MAX, Driver, Framing, InterfaceName, LineSettings, MODBUS_TCP_PORT, Name, OnLoss,
-    Prefixes, Proofs, ServerAddress, Side, Special, StreamFraming, TcpListen, Time,
-};
+use crate::settings::{Allowed, Count, Field, MODBUS_TCP_PORT, Proofs, Time};
 
 /// How a newcomer is handled when all connections are taken.
 const FULL: &[(&str, bool); 2] = &[("displace", false), ("refuse", true)];
-
-/// An integer setting: its name in errors, and its limits.
-#[derive(Debug, PartialEq, Eq)]
-pub(crate) struct Count(pub(crate) &'static str, pub(crate) RangeInclusive<u32>);
-
-/// One setting of a port.
-///
-/// The first variants are keywords without a value: each sets the value given here.
-#[derive(PartialEq)]
-pub(crate) enum Field<'s> {
-    Framing(&'s mut Framing, Framing),
-    Side(&'s mut Side, Side),
-    Driver(&'s mut Driver, Driver),
-    Stream(&'s mut StreamFraming, StreamFraming),
-    Flag(&'s mut bool, bool),
-    Time(&'s mut Duration, &'static RangeInclusive<Duration>),
-    /// `None`: as in the specification, or taken from another setting.
-    AutoTime(&'s mut Option<Duration>, &'static RangeInclusive<Duration>),
-    /// Zero (never) is allowed besides the range.
-    Idle(&'s mut Duration, &'static RangeInclusive<Duration>),
-    Small(&'s mut u8, &'static Count),
-    Medium(&'s mut u16, &'static Count),
-    /// `None`: the unit given by the rule.
-    Unit(&'s mut Option<u8>, &'static Count),
-    /// `None`: the station alias in the EEPROM.
-    Id(&'s mut Option<u16>, &'static Count),
-    Baud(&'s mut u32, &'static RangeInclusive<u32>),
-    Format(&'s mut LineSettings),
-    Device(&'s mut String<DEVICE_BYTES_MAX>),
-    Listen(&'s mut TcpListen),
-    Server(&'s mut Option<ServerAddress>),
-    /// Whether newcomers are refused.
-    Full(&'s mut bool),
-    Reserve(&'s mut u16, &'s mut Prefixes, &'static Count),
-    Allow(&'s mut Allowed),
-    /// The second field: whether [`Special::AllLines`] is allowed.
-    Special(&'s mut Special, bool),
-    Interface(&'s mut Option<InterfaceName>),
-    Line(&'s mut Option<Name>),
-    // Images without TLS have no word of it; also below.
-    #[cfg(feature = "tls")]
-    Certificate(&'s mut Option<Name>),
-    OnLoss(&'s mut OnLoss),
-    Proofs(&'s mut Proofs),
-}
 
 impl Field<'_> {
     /// Parses the value from `words`, or from `word`, the keyword, if it has none.
@@ -133,6 +86,22 @@ impl Field<'_> {
             Self::Flag(target, value) => *target == value,
             _ => true,
         }
+    }
+
+    /// The type of its values; `None` for a keyword that never is printed, as what it says is the default, or stands in a column.
+    // Only the web interface has settings by name.
+    #[cfg(feature = "web")]
+    pub(crate) fn shape(&self) -> Option<Shape> {
+        Some(match self {
+            Self::Framing(..) | Self::Side(..) => return None,
+            Self::Driver(..) | Self::Stream(..) | Self::Flag(..) if self.holds() => return None,
+            Self::Driver(..) | Self::Stream(..) | Self::Flag(..) => Shape::Flag,
+            Self::Small(_, Count(_, range))
+            | Self::Medium(_, Count(_, range))
+            | Self::Unit(_, Count(_, range))
+            | Self::Id(_, Count(_, range)) => Shape::Number(*range.start(), *range.end()),
+            _ => Shape::Text,
+        })
     }
 
     /// Writes ` KEYWORD VALUE`, unless it equals `default`.

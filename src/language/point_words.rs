@@ -14,6 +14,8 @@ use super::point_checks::{check_others, existing_point};
 use super::point_problem::PointProblem;
 use super::points::{usual_reading, usual_type};
 use super::problem::Problem;
+#[cfg(feature = "web")] // As what uses it.
+use super::shape::Shape;
 use super::values::{is_name, medium, parse_number, small, time};
 use super::words::{Word, Words, Wrong};
 use crate::scanner::{ByteOrder, Device, Kind, Modicon, Reading, RegisterBit, ValueType, Writing};
@@ -22,6 +24,11 @@ use crate::settings::{
 };
 
 pub(crate) const PERIOD: RangeInclusive<Duration> = Duration::from_millis(1)..=Duration::from_secs(3_600);
+
+/// Limits of these lines' numbers.
+const UNITS: RangeInclusive<u8> = 1..=255;
+const COUNTS: RangeInclusive<u16> = 1..=1_968;
+const QUALITIES: RangeInclusive<u16> = 0..=u16::MAX - 1;
 
 keywords!(pub(crate) KINDS: Kind {
     "coil": Coil, "discrete": Discrete, "input": Input, "holding": Holding
@@ -101,6 +108,26 @@ pub(crate) fn keywords(each: &mut dyn FnMut(&'static str)) {
     TYPES.iter().for_each(|&(keyword, _)| each(keyword));
 }
 
+/// Passes the options of a device and their types, or those of a point.
+// Only the web interface has settings by name.
+#[cfg(feature = "web")]
+pub(crate) fn members(of_point: bool, each: &mut dyn FnMut(&'static str, Shape)) {
+    let [first, second] = if of_point { [POINT_KEYS, LOCAL_KEYS] } else { [DEVICE_KEYS, &[]] };
+    let is_new = |(keyword, _): &&(&str, Key)| !first.iter().any(|(known, _)| known == keyword);
+    for &(keyword, key) in first.iter().chain(second.iter().filter(is_new)) {
+        let shape = match key {
+            Key::Check | Key::Multiple => Shape::Flag,
+            Key::Unit => Shape::number(UNITS),
+            Key::Count => Shape::number(COUNTS),
+            Key::Bit => Shape::Number(0, RegisterBit::ALL.len() as u32 - 1),
+            Key::Quality => Shape::number(QUALITIES),
+            Key::Label => Shape::Quoted,
+            Key::Order | Key::As | Key::Read | Key::Write | Key::Of => Shape::Text,
+        };
+        each(keyword, shape);
+    }
+}
+
 /// The keywords a line has had so far.
 #[derive(Default)]
 struct Seen(u16);
@@ -126,7 +153,7 @@ pub(crate) fn device(settings: &mut Settings, words: &Words) -> Result<Changed, 
         return Err(name_word.error(Problem::Points(PointProblem::NoScanner)));
     }
     words.take().keyword(&[("unit", ())], "unit and the device's unit id")?;
-    let unit = small(words.take(), "a unit id", 1..=255)?;
+    let unit = small(words.take(), "a unit id", UNITS)?;
     let mut device = Device { unit, order: ByteOrder::default(), check: false, filling: None };
     let mut device_label = Label::new();
     let mut seen = Seen::default();
@@ -277,7 +304,7 @@ fn options<'w>(
 
 fn set(settings: &Settings, point: &mut PointSettings, key: Key, words: &Words) -> Result<(), Wrong> {
     match key {
-        Key::Count => point.count = medium(words.take(), "values", 1..=1_968)?,
+        Key::Count => point.count = medium(words.take(), "values", COUNTS)?,
         Key::As => point.value = words.take().keyword(TYPES, TYPES_EXPECTED)?,
         Key::Bit => {
             let word = words.take();
@@ -320,7 +347,7 @@ fn set(settings: &Settings, point: &mut PointSettings, key: Key, words: &Words) 
             }
         }
         Key::Quality => {
-            let first = medium(words.take(), "an input register's address", 0..=u16::MAX - 1)?;
+            let first = medium(words.take(), "an input register's address", QUALITIES)?;
             if let PointAt::Local { quality, .. } = &mut point.at {
                 *quality = Some(first);
             }

@@ -1,14 +1,9 @@
-//! The kinds of port in port lines: the start of the line, the fields that keywords set, and how they are printed.
+//! The kinds of port in port lines: the start of the line, its keywords, and how it is printed.
 
 use core::fmt::{self, Display};
 
-use super::field::Field;
 use super::listed::listed;
-use super::port_keys::{Key, Keys, Keywords, UNIT_KEYS};
-// As above.
-#[cfg(feature = "web")]
-use super::port_keywords::HTTP;
-use super::port_keywords::{ETHERCAT, NONE, SERIAL, SSH_SERVER, TCP_CLIENT, TCP_SERVER, UDP_SERVER};
+use super::port_keys::{Keys, Keywords, UNIT_KEYS};
 use super::port_values::{device, server_address};
 use super::problem::Problem;
 use super::values::{listen, parse_number};
@@ -16,10 +11,10 @@ use super::words::{Word, Words, Wrong};
 use crate::scanner::POINTS;
 // As above.
 #[cfg(feature = "web")]
-use crate::settings::Allowed;
+use crate::settings::HttpSettings;
 use crate::settings::{
-    EthercatSettings, Framing, MODBUS_TCP_PORT, PortKind, SERVERS, SerialSettings, Side, TcpClientSettings,
-    TcpServerSettings, UdpServerSettings,
+    Driver, EthercatSettings, Framing, Key, MODBUS_TCP_PORT, PortKind, SERVERS, SerialSettings, Side,
+    StreamFraming, TLS, TcpClientSettings, TcpServerSettings, UdpServerSettings,
 };
 
 /// The medium of a port.
@@ -102,9 +97,7 @@ pub(crate) fn new_port<'a>(words: &'a Words) -> Result<(PortKind, Word<'a>), Wro
         (Medium::Udp, _) => PortKind::UdpServer(UdpServerSettings::new(listen(endpoint)?)),
         // As above.
         #[cfg(feature = "web")]
-        (Medium::Http, _) => {
-            PortKind::Http { listen: listen(endpoint)?, allowed: Allowed::everybody(), cleartext: false }
-        }
+        (Medium::Http, _) => PortKind::Http(HttpSettings::new(listen(endpoint)?)),
         // A keyword or number of a serial line is not a device name.
         _ if endpoint.lookup(SERIAL.0).is_some() || parse_number(endpoint.text).is_some() => {
             let device_first =
@@ -156,27 +149,7 @@ impl PortKind {
             Self::Scanner => NONE,
             // As above.
             #[cfg(feature = "web")]
-            Self::Http { .. } => HTTP,
-        }
-    }
-
-    /// The field that `key` sets; `None` if this kind of port has no such setting.
-    pub(crate) fn field(&mut self, key: Key) -> Option<Field<'_>> {
-        match self {
-            Self::Serial(settings) => settings.field(key),
-            Self::TcpServer(settings) => settings.field(key),
-            Self::TcpClient(settings) => settings.field(key),
-            Self::UdpServer(settings) => settings.field(key),
-            Self::Ethercat(settings) => settings.field(key),
-            Self::Scanner => None,
-            // As above.
-            #[cfg(feature = "web")]
-            Self::Http { listen, allowed, cleartext } => Some(match key {
-                Key::Listen => Field::Listen(listen),
-                Key::Allow => Field::Allow(allowed),
-                Key::Cleartext(is_clear) => Field::Flag(cleartext, is_clear),
-                _ => return None,
-            }),
+            Self::Http(_) => HTTP,
         }
     }
 
@@ -195,7 +168,7 @@ impl PortKind {
             Self::UdpServer(settings) => write!(f, "udp server {}", settings.listen),
             // As above.
             #[cfg(feature = "web")]
-            Self::Http { listen, .. } => write!(f, "http server {listen}"),
+            Self::Http(HttpSettings { listen, .. }) => write!(f, "http server {listen}"),
             Self::Scanner => f.write_str("scanner"),
             Self::Ethercat(_) => f.write_str("ethercat"),
         }
@@ -224,39 +197,197 @@ impl PortKind {
             }
             // As above.
             #[cfg(feature = "web")]
-            Self::Http { listen, cleartext, .. } => {
-                show(&"http server", listen, &if *cleartext { "cleartext" } else { "" });
+            Self::Http(server) => {
+                let how = match server.cleartext {
+                    _ if server.is_encrypted() => "tls",
+                    true => "cleartext",
+                    false => "",
+                };
+                show(&"http server", &server.listen, &how);
             }
             Self::Scanner => show(&"scanner", &"", &""),
         }
     }
-
-    /// The same port with default settings, except for a serial port's framing and side.
-    pub(crate) fn plain(&self) -> Self {
-        match self {
-            Self::Serial(SerialSettings { device, framing, side, .. }) => {
-                let plain = SerialSettings::new(device.clone());
-                Self::Serial(SerialSettings { framing: *framing, side: *side, ..plain })
-            }
-            Self::TcpServer(settings) if settings.is_ssh() => {
-                Self::TcpServer(TcpServerSettings::ssh(settings.listen))
-            }
-            Self::TcpServer(settings) => {
-                let mut plain = TcpServerSettings::new(settings.listen.port);
-                plain.listen = settings.listen;
-                plain.clients = plain.clients_of(settings.framing);
-                Self::TcpServer(plain)
-            }
-            Self::TcpClient(settings) => Self::TcpClient(TcpClientSettings::new(settings.server.clone())),
-            Self::UdpServer(settings) => Self::UdpServer(UdpServerSettings::new(settings.listen)),
-            // As above.
-            #[cfg(feature = "web")]
-            Self::Http { listen, .. } => {
-                Self::Http { listen: *listen, allowed: Allowed::everybody(), cleartext: false }
-            }
-            Self::Scanner => Self::Scanner,
-            // Never the other one: where there is no EtherCAT, there is no such port.
-            Self::Ethercat(_) => EthercatSettings::new().map_or(Self::Scanner, Self::Ethercat),
-        }
-    }
 }
+
+/// The keywords of each kind in printing order, with their list for errors.
+const SERIAL: Keywords = (
+    &[
+        ("device", Key::Device),
+        ("rtu", Key::Framing(Framing::Rtu)),
+        ("ascii", Key::Framing(Framing::Ascii)),
+        ("client", Key::Side(Side::Client)),
+        ("server", Key::Side(Side::Server)),
+        ("master", Key::Side(Side::Client)),
+        ("slave", Key::Side(Side::Server)),
+        ("char-timeout", Key::CharTimeout),
+        ("gap", Key::Gap),
+        ("rs485", Key::Driver(Driver::Rs485)),
+        ("rts", Key::Driver(Driver::Rts)),
+        // For `edit`: resets a flag.
+        ("rs232", Key::Driver(Driver::Automatic)),
+        ("driver-before", Key::DriverBefore),
+        ("driver-after", Key::DriverAfter),
+        ("echo", Key::Echo(true)),
+        ("no-echo", Key::Echo(false)),
+        ("answer-within", Key::AnswerWithin),
+        ("reply-delay", Key::ReplyDelay),
+        ("timeout", Key::Timeout),
+        ("retries", Key::Retries),
+        ("turnaround", Key::Turnaround),
+        ("start-delay", Key::StartDelay),
+        ("late-window", Key::LateWindow),
+        ("down-after", Key::DownAfter),
+        ("proof", Key::Proof),
+    ],
+    "rtu, ascii, client, server, a baud rate, a format (8E1), device, timeout, char-timeout, gap, rs485, rts, \
+     driver-before, driver-after, echo, retries, turnaround, start-delay, late-window, \
+     down-after, proof, answer-within or reply-delay",
+);
+
+const TCP_SERVER_EXPECTED: &str = if TLS {
+    "listen, rtu, capture, clients, idle, pipeline, lifetime, full, reserve, allow, tls, certificate or trust"
+} else {
+    "listen, rtu, capture, clients, idle, pipeline, lifetime, full, reserve or allow"
+};
+
+const TCP_SERVER: Keywords = (
+    &[
+        ("listen", Key::Listen),
+        ("rtu", Key::Stream(StreamFraming::Rtu)),
+        ("capture", Key::Stream(StreamFraming::Capture)),
+        // For `edit`: resets a flag.
+        ("mbap", Key::Stream(StreamFraming::Mbap)),
+        // Images without TLS have no word of it; also below.
+        #[cfg(feature = "tls")]
+        ("tls", Key::Tls(true)),
+        // For `edit`: resets a flag.
+        #[cfg(feature = "tls")]
+        ("no-tls", Key::Tls(false)),
+        #[cfg(feature = "tls")]
+        ("certificate", Key::Certificate),
+        #[cfg(feature = "tls")]
+        ("trust", Key::Trust),
+        ("clients", Key::Clients),
+        ("idle", Key::Idle),
+        ("pipeline", Key::Pipeline),
+        ("lifetime", Key::Lifetime),
+        ("full", Key::Full),
+        ("reserve", Key::Reserve),
+        ("allow", Key::Allow),
+    ],
+    TCP_SERVER_EXPECTED,
+);
+
+const SSH_SERVER: Keywords = (
+    &[
+        ("listen", Key::Listen),
+        ("clients", Key::Clients),
+        ("full", Key::Full),
+        ("reserve", Key::Reserve),
+        ("allow", Key::Allow),
+    ],
+    "listen, clients, full, reserve or allow",
+);
+
+const TCP_CLIENT_EXPECTED: &str = if TLS {
+    "address, rtu, sockets, unit, in-flight, timeout, connect-timeout, \
+     connect-delay, request-delay, idle, retries, late-window, down-after, proof, tls, certificate or trust"
+} else {
+    "address, rtu, sockets, unit, in-flight, timeout, connect-timeout, \
+     connect-delay, request-delay, idle, retries, late-window, down-after or proof"
+};
+
+const TCP_CLIENT: Keywords = (
+    &[
+        ("address", Key::Server),
+        ("rtu", Key::Stream(StreamFraming::Rtu)),
+        // For `edit`: resets a flag.
+        ("mbap", Key::Stream(StreamFraming::Mbap)),
+        // Images without TLS have no word of it; also below.
+        #[cfg(feature = "tls")]
+        ("tls", Key::Tls(true)),
+        // For `edit`: resets a flag.
+        #[cfg(feature = "tls")]
+        ("no-tls", Key::Tls(false)),
+        #[cfg(feature = "tls")]
+        ("certificate", Key::Certificate),
+        #[cfg(feature = "tls")]
+        ("trust", Key::Trust),
+        ("sockets", Key::Sockets),
+        ("unit", Key::Unit),
+        ("in-flight", Key::InFlight),
+        ("timeout", Key::Timeout),
+        ("connect-timeout", Key::ConnectTimeout),
+        ("connect-delay", Key::ConnectDelay),
+        ("request-delay", Key::RequestDelay),
+        ("idle", Key::Idle),
+        ("retries", Key::Retries),
+        ("late-window", Key::LateWindow),
+        ("down-after", Key::DownAfter),
+        ("proof", Key::Proof),
+    ],
+    TCP_CLIENT_EXPECTED,
+);
+
+const UDP_SERVER: Keywords = (
+    &[
+        ("listen", Key::Listen),
+        ("pipeline", Key::Pipeline),
+        ("requests", Key::Requests),
+        ("lifetime", Key::Lifetime),
+        ("allow", Key::Allow),
+    ],
+    "listen, pipeline, requests, lifetime or allow",
+);
+
+// As above.
+#[cfg(feature = "web")]
+const HTTP: Keywords = (
+    &[
+        ("listen", Key::Listen),
+        ("allow", Key::Allow),
+        ("cleartext", Key::Cleartext(true)),
+        // For `edit`: resets a flag.
+        ("no-cleartext", Key::Cleartext(false)),
+        ("metrics", Key::Metrics(true)),
+        // For `edit`: resets a flag.
+        ("no-metrics", Key::Metrics(false)),
+        // Images without TLS have no word of it.
+        #[cfg(feature = "tls")]
+        ("tls", Key::Tls(true)),
+        // For `edit`: resets a flag.
+        #[cfg(feature = "tls")]
+        ("no-tls", Key::Tls(false)),
+        #[cfg(feature = "tls")]
+        ("certificate", Key::Certificate),
+        #[cfg(feature = "tls")]
+        ("trust", Key::Trust),
+    ],
+    if TLS {
+        "listen, allow, cleartext, metrics, tls, certificate or trust"
+    } else {
+        "listen, allow, cleartext or metrics"
+    },
+);
+
+const NONE: Keywords = (&[], "");
+const ETHERCAT: Keywords = if POINTS { WITH_CONTROLLER } else { NONE };
+const WITH_CONTROLLER: Keywords = (
+    &[
+        ("interface", Key::Interface),
+        ("line", Key::Line),
+        ("on-loss", Key::OnLoss),
+        ("id", Key::Id),
+        ("modules", Key::Modules(true)),
+        // For `edit`: resets a flag.
+        ("no-modules", Key::Modules(false)),
+        ("emergencies", Key::Emergencies(true)),
+        // For `edit`: resets a flag.
+        ("no-emergencies", Key::Emergencies(false)),
+        ("prove-outputs", Key::ProveOutputs(true)),
+        // For `edit`: resets a flag.
+        ("no-prove-outputs", Key::ProveOutputs(false)),
+    ],
+    "interface, line, on-loss, id, modules, emergencies or prove-outputs",
+);

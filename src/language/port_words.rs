@@ -3,9 +3,8 @@
 //! A [`Draft`] starts from the defaults or from the existing port, reads keywords in any order, and is checked at the end of the
 //! line. A setting that the port cannot use is refused rather than accepted and ignored.
 
-use super::field::Field;
 use super::point_problem::PointProblem;
-use super::port_keys::{Key, UNIT_KEYS};
+use super::port_keys::UNIT_KEYS;
 use super::port_kinds::new_port;
 use super::problem::Problem;
 use super::values::parse_number;
@@ -14,8 +13,9 @@ use super::words::{Word, Words, Wrong};
 #[cfg(feature = "tls")]
 use crate::settings::TlsSettings;
 use crate::settings::{
-    Driver, Framing, LineSettings, Port, PortKind, Proofs, SerialClientSettings, SerialServerSettings,
-    SerialSettings, Side, StreamFraming, TLS, TcpClientSettings, TcpServerSettings, UnitPolicy,
+    Driver, Field, Framing, Key, LineSettings, Port, PortKind, Proofs, SerialClientSettings,
+    SerialServerSettings, SerialSettings, Side, StreamFraming, TLS, TcpClientSettings, TcpServerSettings,
+    UnitPolicy,
 };
 
 /// A port's settings while its line is parsed.
@@ -234,6 +234,9 @@ impl<'a> Draft<'a> {
                 }
                 one_at_a_time(settings.framing, blamed, &mut settings.in_flight, 1)
             }
+            // Images without one of both have no word of it.
+            #[cfg(all(feature = "web", feature = "tls"))]
+            PortKind::Http(settings) => check_tls(&mut settings.tls, blamed),
             _ => Ok(()),
         }
     }

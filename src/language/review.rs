@@ -73,7 +73,7 @@ fn gap_warning(port: &Port) -> Option<Warning> {
 fn off(settings: &Settings, port: &Port) -> Option<Warning> {
     // Images without a web interface have no word of it.
     #[cfg(feature = "web")]
-    if matches!(port.kind, PortKind::Http { .. }) && !settings.can_log_in() {
+    if matches!(port.kind, PortKind::Http(_)) && !settings.can_log_in() {
         return Some(Warning::NobodyLogsIn { port: port.name.clone() });
     }
     let _ = (settings, port);

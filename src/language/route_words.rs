@@ -6,6 +6,8 @@ use embassy_time::Duration;
 
 use super::listed::keywords;
 use super::problem::Problem;
+#[cfg(feature = "web")] // As what uses it.
+use super::shape::Shape;
 use super::values::{parse_number, prefix, small, span, time};
 use super::words::{Word, Words, Wrong};
 use crate::settings::{
@@ -175,6 +177,15 @@ pub(crate) fn keywords(each: &mut dyn FnMut(&'static str)) {
     PRIORITIES.iter().for_each(|&(keyword, _)| each(keyword));
     CUTS.iter().for_each(|&(keyword, _)| each(keyword));
     MERGES.iter().for_each(|&(keyword, _)| each(keyword));
+}
+
+/// Calls `each` with the options and their types.
+// Only the web interface has settings by name.
+#[cfg(feature = "web")]
+pub(crate) fn members(each: &mut dyn FnMut(&'static str, Shape)) {
+    for &(keyword, key) in KEYS.iter().filter(|(_, key)| TLS || !matches!(key, Key::Role)) {
+        each(keyword, if matches!(key, Key::ReadOnly | Key::All) { Shape::Flag } else { Shape::Text });
+    }
 }
 
 fn options(words: &Words, has_roles: bool) -> Result<(ClientRole, Policy), Wrong> {

@@ -9,6 +9,8 @@ use super::option::option;
 use super::port_values::server_address;
 use super::problem::Problem;
 use super::route_words;
+#[cfg(feature = "web")] // As what uses it.
+use super::shape::Shape;
 use super::words::{Word, Words, Wrong};
 use crate::settings::{
     MODBUS_TCP_PORT, PORT_SERVERS_MAX, PortId, PortKind, SERVERS_MAX, ServerSettings, Settings, Tag,
@@ -18,6 +20,14 @@ use crate::settings::{
 /// Calls `each` with the keywords that only these lines use.
 pub(crate) fn keywords(each: &mut dyn FnMut(&'static str)) {
     ["at", "tag"].into_iter().for_each(each);
+}
+
+/// Calls `each` with the keywords of the line and their types.
+// Only the web interface has settings by name.
+#[cfg(feature = "web")]
+pub(crate) fn members(each: &mut dyn FnMut(&'static str, Shape)) {
+    each("unit", Shape::Text);
+    keywords(&mut |keyword| each(keyword, Shape::Text));
 }
 
 /// The port that `word` names, if it is a TCP client without an address.

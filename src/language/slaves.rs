@@ -3,6 +3,7 @@
 //! Their order is that of their values in the image. A MainDevice's configuration changes the same settings.
 
 use core::fmt::{self, Display};
+use core::ops::RangeInclusive;
 
 use embassy_time::Duration;
 
@@ -11,6 +12,8 @@ use super::option::option;
 use super::point_problem::PointProblem;
 use super::point_words::{ORDERS, ORDERS_EXPECTED, PERIOD, TYPES, TYPES_EXPECTED, whole_ms};
 use super::problem::Problem;
+#[cfg(feature = "web")] // As what uses it.
+use super::shape::Shape;
 use super::values::{medium, number, small};
 use super::words::{Word, Words, Wrong};
 use crate::scanner::{ByteOrder, Kind, ValueType};
@@ -41,9 +44,21 @@ const EXPECTED: &str = "coil, discrete, input, holding, order, read, check or on
 const ON_SILENCE: &[(&str, OnSilence)] =
     &[("hold", OnSilence::Hold), ("clear", OnSilence::Clear), ("substitute", OnSilence::Substitute)];
 
+const UNITS: RangeInclusive<u8> = 1..=247;
+
 /// Calls `each` with the keywords that only these lines use.
 pub(crate) fn keywords(each: &mut dyn FnMut(&'static str)) {
     ["on-silence", "substitute"].into_iter().for_each(each);
+}
+
+/// Calls `each` with the keywords of the line and their types.
+// Only the web interface has settings by name.
+#[cfg(feature = "web")]
+pub(crate) fn members(each: &mut dyn FnMut(&'static str, Shape)) {
+    each("unit", Shape::number(UNITS));
+    for &(keyword, key) in KEYS {
+        each(keyword, if key == Key::Check { Shape::Flag } else { Shape::Text });
+    }
 }
 
 /// Parses a device up to the end of the line, and stores it.
@@ -56,7 +71,7 @@ pub(crate) fn slave(settings: &mut Settings, words: &Words) -> Result<Changed, W
     let most = settings.slaves.len().min(SLAVES_MAX.saturating_sub(1));
     let index = number(word, "the next slave's number, or that of one there is,", 0..=most as u32)?;
     words.take().keyword(&[("unit", ())], "unit and the slave's unit id")?;
-    let mut slave = SlaveSettings::new(small(words.take(), "a unit id", 1..=247)?);
+    let mut slave = SlaveSettings::new(small(words.take(), "a unit id", UNITS)?);
     let mut seen = heapless::Vec::<Key, 8>::new();
     while !words.peek().is_end() {
         let word = words.take();

@@ -9,7 +9,7 @@ mod network;
 mod no_points;
 #[cfg(not(feature = "tls"))]
 mod no_tls;
-mod properties;
+pub(crate) mod properties;
 mod rules;
 mod texts;
 // And only one that was built with them has slaves.
@@ -143,87 +143,86 @@ fn options_come_in_any_order_and_case_with_commas_and_tabs() {
     assert_eq!(one, two);
 }
 
+/// Lines, and what their errors say.
+const ERRORS: &[(&str, &str)] = &[
+    (
+        "prot P1",
+        "column 1: \"prot\": expected port, server, route, device, point, slave, edit, insert, move, delete, network, mdns",
+    ),
+    ("prot P1", " or user; did you mean port?"),
+    ("port", "column 5: end of line: expected a port name: a letter"),
+    ("port 7 tcp server 1", "column 6: \"7\": expected a port name"),
+    ("port local tcp server 1", "column 6: \"local\": expected a port name"),
+    ("port sixteen--letters tcp server 1", "expected a port name"),
+    ("port X", "column 7: end of line: expected serial, tcp, udp, "),
+    ("port X udp client 1", "\"client\": expected server"),
+    ("port X udp server 502 requests 33", "expected requests from 1 to 32"),
+    ("port X tcp klient 1", "expected server or client; did you mean client?"),
+    ("port X tcp client 1", "\"1\": expected the address of a server"),
+    ("port X tcp client 0.0.0.0:502", "expected the address of a server"),
+    ("port X tcp client 10.0.0.1:0", "expected the address of a server"),
+    ("port X tcp client 10.0.0.1 in-flight 17", "expected requests from 1 to 16"),
+    ("port X tcp client 10.0.0.1 unit 256", "expected auto, or a unit id from 0 to 255"),
+    ("port X tcp client 10.0.0.1 rtu in-flight 4", "\"in-flight\": cannot be set with rtu"),
+    ("port X tcp server 1 pipeline 4 rtu", "\"pipeline\": cannot be set with rtu"),
+    ("port X tcp client 10.0.0.1 connect-delay 2m", "expected a time from 0 to 60s"),
+    ("port X tcp client 10.0.0.1 clients 4", "expected address, rtu, sockets, unit"),
+    ("port X tcp server 0", "\"0\": expected a TCP port from 1 to 65535"),
+    ("port X tcp server 1 clints 4", "did you mean clients?"),
+    ("port X tcp server 1 idle 60", "\"60\": expected a time with its unit"),
+    ("port X tcp server 1 idle 100ms", "expected a time from 1s to 86400s"),
+    ("port X tcp server 1 pipeline 17", "expected requests from 1 to 16"),
+    ("port X tcp server 1 clients 4 reserve 5 for ::1", "\"5\": more connections are reserved than the 4"),
+    ("port X tcp server 1 reserve 2", "end of line: expected for and the addresses"),
+    ("port X tcp server 1 reserve 1 for ::1,::2,::3,::4,::5", "\"::5\": expected at most 4 prefixes"),
+    ("port X tcp server 502", "\"502\": another port listens there"),
+    ("port X tcp server 1.2.3.4:502", "another port listens there"),
+    ("port X serial uart1 rtu client", "\"uart1\": port P1 has this device"),
+    ("port X serial uart9 client", "column 27: end of line: expected rtu or ascii"),
+    ("port X serial uart9 rtu", "end of line: expected client or server"),
+    ("port X serial uart9 rtu client 0", "expected a baud rate from 1 to 10000000"),
+    ("port X serial uart9 rtu client 10000001", "expected a baud rate from 1 to 10000000"),
+    ("port X serial uart9 rtu client 7E1", "\"7E1\": RTU needs 8 data bits"),
+    ("port X serial uart9 rtu client 9600 19200", "\"19200\": is set twice"),
+    ("port X serial uart9 rtu ascii client", "\"ascii\": is set twice"),
+    ("port X serial uart9 rtu client timeout 2h", "expected a time from 1ms to 3600s"),
+    ("port X serial uart9 rtu client timeout", "end of line: expected a time with its unit"),
+    ("port X serial uart9 rtu server retries 2", "\"retries\": is for the client side only"),
+    ("port X serial uart9 rtu client reply-delay 2ms", "\"reply-delay\": is for the server side only"),
+    ("port X serial uart9 rtu server answer-within 1ms", "expected a time from 10ms to 3600s"),
+    ("port X serial uart9 rtu client driver-after 1ms", "\"driver-after\": needs rs485 or rts"),
+    ("port X serial uart9 rtu client rs485 rts", "\"rts\": is set twice"),
+    ("route P9 1 * * P1", "column 7: \"P9\": there is no port of this name"),
+    ("route P502 64-1 * * P1", "\"64-1\": the range ends before it starts"),
+    ("route P502 256 * * P1", "\"256\": expected a unit id from 0 to 255"),
+    ("route P502 1 192.168.1 * P1", "\"192.168.1\": expected an IP address"),
+    ("route P2 1 192.168.1.1 * P1", "\"192.168.1.1\": clients of this source"),
+    ("route P502 1 * 7 P1", "\"7\": expected * (the unit id stays)"),
+    ("route P502 1 * * P502", "\"P502\": source and destination are the same port"),
+    ("route P502 1 * * P1 readonly all", "\"all\": is set twice"),
+    ("route P502 1 * * P1 functions", "end of line: expected function codes from 1 to 127"),
+    ("route P502 1 * * P1 functions 3,128", "\"128\": expected function codes from 1 to 127"),
+    ("route P502 1 * * P1 priority urgent", "\"urgent\": expected high, normal or low"),
+    ("route P502 1 * * P1 merge near", "end of line: expected addresses between two reads from 1 to 255"),
+    ("route P502 1 * * P1 merge near 0", "\"0\": expected addresses between two reads from 1 to 255"),
+    ("route P502 1 * * P1 merge maybe", "\"maybe\": expected on, off, adjacent or near N"),
+    ("route P502 1 * * P1 cache 2m", "\"2m\": expected a time from 0 to 60s"),
+    ("route P502 1 * * P1 cache 1.5ms", "\"1.5ms\": expected whole milliseconds"),
+    ("route P502 1 * * P1 P2", "\"P2\": expected readonly, all"),
+    ("edit port P9 9600", "\"P9\": there is no port of this name"),
+    ("edit port P1", "end of line: expected rtu, ascii"),
+    ("edit route 1 P502 1 * * P1", "\"1\": there is no rule of this number (there are 0)"),
+    ("delete route 0", "\"0\": expected a rule's number from 1 to 64"),
+    ("delete routes now", "\"now\": expected the end of the line"),
+];
+
 #[test]
 fn an_error_names_the_column_the_word_and_what_is_expected() {
     assert_eq!(
         error("port P9 serial uart9 rtu 81E client"),
         "column 26: \"81E\": expected a format such as 8E1, 7E1, 8N1 or 8N2"
     );
-    let cases = [
-        (
-            "prot P1",
-            "column 1: \"prot\": expected port, server, route, device, point, slave, edit, insert, move, delete, network, mdns",
-        ),
-        ("prot P1", " or user; did you mean port?"),
-        ("port", "column 5: end of line: expected a port name: a letter"),
-        ("port 7 tcp server 1", "column 6: \"7\": expected a port name"),
-        ("port local tcp server 1", "column 6: \"local\": expected a port name"),
-        ("port sixteen--letters tcp server 1", "expected a port name"),
-        ("port X", "column 7: end of line: expected serial, tcp, udp, "),
-        ("port X udp client 1", "\"client\": expected server"),
-        ("port X udp server 502 requests 33", "expected requests from 1 to 32"),
-        ("port X tcp klient 1", "expected server or client; did you mean client?"),
-        ("port X tcp client 1", "\"1\": expected the address of a server"),
-        ("port X tcp client 0.0.0.0:502", "expected the address of a server"),
-        ("port X tcp client 10.0.0.1:0", "expected the address of a server"),
-        ("port X tcp client 10.0.0.1 in-flight 17", "expected requests from 1 to 16"),
-        ("port X tcp client 10.0.0.1 unit 256", "expected auto, or a unit id from 0 to 255"),
-        ("port X tcp client 10.0.0.1 rtu in-flight 4", "\"in-flight\": cannot be set with rtu"),
-        ("port X tcp server 1 pipeline 4 rtu", "\"pipeline\": cannot be set with rtu"),
-        ("port X tcp client 10.0.0.1 connect-delay 2m", "expected a time from 0 to 60s"),
-        ("port X tcp client 10.0.0.1 clients 4", "expected address, rtu, sockets, unit"),
-        ("port X tcp server 0", "\"0\": expected a TCP port from 1 to 65535"),
-        ("port X tcp server 1 clints 4", "did you mean clients?"),
-        ("port X tcp server 1 idle 60", "\"60\": expected a time with its unit"),
-        ("port X tcp server 1 idle 100ms", "expected a time from 1s to 86400s"),
-        ("port X tcp server 1 pipeline 17", "expected requests from 1 to 16"),
-        (
-            "port X tcp server 1 clients 4 reserve 5 for ::1",
-            "\"5\": more connections are reserved than the 4",
-        ),
-        ("port X tcp server 1 reserve 2", "end of line: expected for and the addresses"),
-        ("port X tcp server 1 reserve 1 for ::1,::2,::3,::4,::5", "\"::5\": expected at most 4 prefixes"),
-        ("port X tcp server 502", "\"502\": another port listens there"),
-        ("port X tcp server 1.2.3.4:502", "another port listens there"),
-        ("port X serial uart1 rtu client", "\"uart1\": port P1 has this device"),
-        ("port X serial uart9 client", "column 27: end of line: expected rtu or ascii"),
-        ("port X serial uart9 rtu", "end of line: expected client or server"),
-        ("port X serial uart9 rtu client 0", "expected a baud rate from 1 to 10000000"),
-        ("port X serial uart9 rtu client 10000001", "expected a baud rate from 1 to 10000000"),
-        ("port X serial uart9 rtu client 7E1", "\"7E1\": RTU needs 8 data bits"),
-        ("port X serial uart9 rtu client 9600 19200", "\"19200\": is set twice"),
-        ("port X serial uart9 rtu ascii client", "\"ascii\": is set twice"),
-        ("port X serial uart9 rtu client timeout 2h", "expected a time from 1ms to 3600s"),
-        ("port X serial uart9 rtu client timeout", "end of line: expected a time with its unit"),
-        ("port X serial uart9 rtu server retries 2", "\"retries\": is for the client side only"),
-        ("port X serial uart9 rtu client reply-delay 2ms", "\"reply-delay\": is for the server side only"),
-        ("port X serial uart9 rtu server answer-within 1ms", "expected a time from 10ms to 3600s"),
-        ("port X serial uart9 rtu client driver-after 1ms", "\"driver-after\": needs rs485 or rts"),
-        ("port X serial uart9 rtu client rs485 rts", "\"rts\": is set twice"),
-        ("route P9 1 * * P1", "column 7: \"P9\": there is no port of this name"),
-        ("route P502 64-1 * * P1", "\"64-1\": the range ends before it starts"),
-        ("route P502 256 * * P1", "\"256\": expected a unit id from 0 to 255"),
-        ("route P502 1 192.168.1 * P1", "\"192.168.1\": expected an IP address"),
-        ("route P2 1 192.168.1.1 * P1", "\"192.168.1.1\": clients of this source"),
-        ("route P502 1 * 7 P1", "\"7\": expected * (the unit id stays)"),
-        ("route P502 1 * * P502", "\"P502\": source and destination are the same port"),
-        ("route P502 1 * * P1 readonly all", "\"all\": is set twice"),
-        ("route P502 1 * * P1 functions", "end of line: expected function codes from 1 to 127"),
-        ("route P502 1 * * P1 functions 3,128", "\"128\": expected function codes from 1 to 127"),
-        ("route P502 1 * * P1 priority urgent", "\"urgent\": expected high, normal or low"),
-        ("route P502 1 * * P1 merge near", "end of line: expected addresses between two reads from 1 to 255"),
-        ("route P502 1 * * P1 merge near 0", "\"0\": expected addresses between two reads from 1 to 255"),
-        ("route P502 1 * * P1 merge maybe", "\"maybe\": expected on, off, adjacent or near N"),
-        ("route P502 1 * * P1 cache 2m", "\"2m\": expected a time from 0 to 60s"),
-        ("route P502 1 * * P1 cache 1.5ms", "\"1.5ms\": expected whole milliseconds"),
-        ("route P502 1 * * P1 P2", "\"P2\": expected readonly, all"),
-        ("edit port P9 9600", "\"P9\": there is no port of this name"),
-        ("edit port P1", "end of line: expected rtu, ascii"),
-        ("edit route 1 P502 1 * * P1", "\"1\": there is no rule of this number (there are 0)"),
-        ("delete route 0", "\"0\": expected a rule's number from 1 to 64"),
-        ("delete routes now", "\"now\": expected the end of the line"),
-    ];
-    for (line, expected) in cases {
+    for (line, expected) in ERRORS {
         let error = error(line);
         assert!(error.contains(expected), "{line}\n gives    {error}\n expected {expected}");
     }
@@ -356,10 +355,15 @@ fn a_web_interface_is_a_port_and_there_is_one() {
     assert_eq!(print(&settings), format!("{line}\n"));
     apply_all(&mut settings, &["edit port web no-cleartext allow * listen 8080"]);
     assert_eq!(print(&settings), "port web http server 8080\n");
+    let words = if TLS {
+        "\"broadcast\": expected listen, allow, cleartext, metrics, tls, certificate or trust"
+    } else {
+        "\"broadcast\": expected listen, allow, cleartext or metrics"
+    };
     for (line, expected) in [
         ("port web http client 80", "\"client\": expected server"),
         ("port web http server", "end of line: expected a TCP port"),
-        ("edit port web broadcast off", "\"broadcast\": expected listen, allow or cleartext"),
+        ("edit port web broadcast off", words),
         ("port other http server 81", "\"81\": there is an http server already"),
         ("port P8080 tcp server 8080", "\"8080\": another port listens there"),
     ] {

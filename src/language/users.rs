@@ -188,8 +188,11 @@ impl Display for Role {
 mod tests {
     extern crate std;
 
-    use super::{is_hash, is_key};
+    #[cfg(feature = "users")] // As its test.
+    use super::is_hash;
+    use super::is_key;
 
+    #[cfg(feature = "users")] // As its test.
     const GOOD: &str =
         "$argon2id$v=19$m=19456,t=2,p=1$gZiV/M1gPc22ElAH/Jh1Hw$CWOrkoo7oJBQ/iyh7uJ0LO2aLEfrHwTWllSAxT0zRno";
 
@@ -203,6 +206,8 @@ mod tests {
         assert!(!is_key(&std::format!("{good}A")));
     }
 
+    /// Images without users have no room for one.
+    #[cfg(feature = "users")]
     #[test]
     fn a_hash_is_a_phc_string_of_argon2id_whose_costs_are_bounded() {
         assert!(is_hash(GOOD));

@@ -19,10 +19,11 @@ macro_rules! help_with {
     };
 }
 help_with!("web", http_help: "port NAME http server [ADDRESS:]PORT [OPTION]...\tthe web interface\n");
-help_with!("web", http_options: "  http server: allow PREFIX,...|*, cleartext: log in from other machines\n");
+help_with!("web", http_options: "  http server: allow PREFIX,...|*, cleartext (log in from other machines),
+              metrics (without a log-in)\n");
 help_with!("tls", role_option: "role NAME (in the certificates of clients),\n          ");
-help_with!("tls", tls_options: "  tls:        of tcp servers and clients: tls, certificate NAME|none (own),
-              trust NAME|none: see help certificate
+help_with!("tls", tls_options: "  tls:        of tcp and http servers, and tcp clients: tls,
+              certificate NAME|none (own), trust NAME|none: see help certificate
 ");
 help_with!("servers", servers_help: "port NAME tcp client [OPTION]...\tmany servers: see help server\n");
 help_with!("servers", servers_options: "    many servers: sockets N (connections at a time)\n");

@@ -147,6 +147,13 @@ impl<'a> Words<'a> {
         if word.is_end() { Ok(()) } else { Err(word.expected("the end of the line")) }
     }
 
+    /// What has not been consumed.
+    // For interfaces with settings by name.
+    #[cfg(feature = "web")]
+    pub(crate) fn rest(&self) -> &'a str {
+        self.rest.get()
+    }
+
     fn advance_to(&self, is_end: fn(u8) -> bool) -> &'a str {
         let rest = self.rest.get();
         self.advance(rest.bytes().position(is_end).unwrap_or(rest.len()))

@@ -15,7 +15,7 @@ pub use request::{Cut, request, request_at_pause};
 /// Longest frame in bytes (Serial Line V1.02, clause 2.5.1).
 pub const FRAME_BYTES_MAX: usize = 256;
 /// Shortest frame in bytes: unit, function code, CRC.
-pub const FRAME_BYTES_MIN: usize = 4;
+pub(crate) const FRAME_BYTES_MIN: usize = 4;
 
 /// Bytes of a frame besides the PDU: unit and CRC.
 pub(crate) const OVERHEAD_BYTES: usize = FRAME_BYTES_MAX - PDU_BYTES_MAX;

@@ -66,7 +66,7 @@ impl Scanner {
     /// The status of the device at `now`.
     pub fn device_status(&self, id: DeviceId, now: Instant) -> Option<DeviceStatus> {
         let station = self.station(id)?;
-        let backs_off_until = station.is_held(now).then_some(station.held);
+        let backs_off_until = station.is_held(now).then(|| station.held());
         Some(DeviceStatus { backs_off_until, ..station.status })
     }
 
@@ -144,7 +144,7 @@ impl Scanner {
         let entry = self.entry(id).ok_or(Refused::NotThere)?;
         let station = entry.row.device.and_then(|device| self.station(device)).ok_or(Refused::NoDevice)?;
         if station.is_held(now) {
-            return Err(Refused::BackingOff(station.held - now));
+            return Err(Refused::BackingOff(station.held() - now));
         }
         if entry.status.any(Status::WRITE_BLOCKED) {
             return Err(Refused::Blocked);

@@ -21,7 +21,7 @@ impl Scanner {
         for entry in &mut self.entries {
             let Some(device) = entry.row.device else { continue };
             let Some(station) = self.stations.get_mut(usize::from(device.0)) else { continue };
-            let held = station.held.saturating_duration_since(started);
+            let held = station.held().saturating_duration_since(started);
             let Some(due) = entry.due(held).filter(|due| *due <= since) else { continue };
             entry.mark_due(due, since, turn);
             station.pending = true;

@@ -83,10 +83,7 @@ pub(super) struct Station {
     pub(super) check_from: Option<u32>,
     /// Requests without response since the last response.
     silent: u8,
-    /// The last back-off; zero: none.
-    back_off: Duration,
-    /// End of the back-off.
-    pub(super) held: Instant,
+    /// `backs_off_until` stays when that time is over.
     pub(super) status: DeviceStatus,
 }
 
@@ -100,8 +97,6 @@ impl Station {
             refuses_masks: false,
             check_from: None,
             silent: 0,
-            back_off: Duration::from_ticks(0),
-            held: Instant::MIN,
             status: DeviceStatus {
                 alive: None,
                 last_response: Instant::MIN,
@@ -125,7 +120,6 @@ impl Station {
     /// Records a response, with `exception` if that is not 0.
     pub(super) fn answered(&mut self, now: Instant, exception: u8) {
         self.silent = 0;
-        self.back_off = Duration::from_ticks(0);
         let status = &mut self.status;
         status.alive = Some(true);
         status.last_response = now;
@@ -141,15 +135,10 @@ impl Station {
     pub(super) fn failed(&mut self, now: Instant, error: ErrorCode) -> bool {
         self.not_sent(error);
         self.silent = self.silent.saturating_add(1);
-        if self.silent <= REPEATS {
-            return true;
-        }
+        let Some(before) = self.silent.checked_sub(REPEATS + 1) else { return true };
         self.status.alive = Some(false);
-        self.back_off = match self.back_off.as_ticks() {
-            0 => BACK_OFF_FIRST,
-            _ => (self.back_off + BACK_OFF_STEP).min(BACK_OFF_LONGEST),
-        };
-        self.held = now + self.back_off;
+        let back_off = BACK_OFF_FIRST + BACK_OFF_STEP * u32::from(before);
+        self.hold(now + back_off.min(BACK_OFF_LONGEST));
         false
     }
 
@@ -159,7 +148,17 @@ impl Station {
         self.status.error = Some(error);
     }
 
+    /// Lets it back off.
+    pub(super) fn hold(&mut self, until: Instant) {
+        self.status.backs_off_until = Some(until);
+    }
+
+    /// The end of the back-off, or of the last one.
+    pub(super) fn held(&self) -> Instant {
+        self.status.backs_off_until.unwrap_or(Instant::MIN)
+    }
+
     pub(super) fn is_held(&self, now: Instant) -> bool {
-        self.held > now
+        self.held() > now
     }
 }

@@ -113,6 +113,15 @@ impl TcpServerSettings {
         SSH && matches!(self.framing, StreamFraming::Ssh)
     }
 
+    /// The same place with default settings, and as many clients as its framing has by default.
+    pub(super) fn plain(&self) -> Self {
+        if self.is_ssh() {
+            return Self::ssh(self.listen);
+        }
+        let clients = self.clients_of(self.framing);
+        Self { listen: self.listen, clients, ..Self::new(self.listen.port) }
+    }
+
     /// The default number of clients.
     pub(crate) const fn clients_of(&self, framing: StreamFraming) -> u16 {
         match framing {

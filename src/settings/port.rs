@@ -1,14 +1,20 @@
-//! A port: its name, its kind, and the meaning of special unit ids.
+//! A port: its name and its kind, with the settings of each kind by their keys.
+
+use strum::{EnumCount, EnumDiscriminants};
 
 // As the variant.
 #[cfg(feature = "web")]
-use crate::settings::Allowed;
-// As what returns it.
+use crate::settings::HttpSettings;
+// As what uses it.
 #[cfg(feature = "tls")]
 use crate::settings::TlsSettings;
+use crate::settings::port_limits::{
+    BAUD, CHAR_TIMEOUT, CLIENTS, DOWN_AFTER, HOUR, ID, IDLE, LIFETIME, MINUTE, PIPELINE, REQUESTS, RESERVED,
+    RETRIES, SECOND, SOCKETS, TEN_SECONDS, TIMEOUT, UNIT,
+};
 use crate::settings::{
-    EthercatSettings, Name, SerialSettings, Side, TcpClientSettings, TcpListen, TcpServerSettings,
-    UdpServerSettings,
+    Driver, EthercatSettings, Field, Framing, Name, SerialSettings, Side, StreamFraming, TcpClientSettings,
+    TcpListen, TcpServerSettings, UdpServerSettings, UnitPolicy,
 };
 
 /// One port.
@@ -20,48 +26,6 @@ pub struct Port {
     pub kind: PortKind,
     /// The meaning of special unit ids, for a server-side port.
     pub units: UnitPolicy,
-}
-
-/// The meaning of unit ids that do not belong to a device: 0 is the broadcast, 248 to 255 are reserved (Serial Line 2.2), and 255
-/// is the TCP device itself (Messaging on TCP/IP 4.4.1.2).
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct UnitPolicy {
-    /// Unit 0.
-    pub broadcast: Special,
-    /// Broadcast writes from TCP clients are confirmed like a write to one device.
-    pub confirm: bool,
-    /// Unit 255.
-    pub unit_255: Special,
-    /// Units 248 to 254.
-    pub reserved: Special,
-}
-
-impl UnitPolicy {
-    /// The meaning of `unit`.
-    pub const fn of(&self, unit: u8) -> Special {
-        match unit {
-            0 => self.broadcast,
-            248..=254 => self.reserved,
-            255 => self.unit_255,
-            _ => Special::Rules,
-        }
-    }
-}
-
-/// The meaning of a special unit id.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Special {
-    /// The rules decide, as for other units.
-    #[default]
-    Rules,
-    /// No unit: 0Ah to a TCP client, silence on a serial line.
-    Off,
-    /// The gateway's own unit.
-    Local,
-    /// Replaced by this unit, for which the rules decide.
-    Replace(u8),
-    /// Every serial line that the rules of this port lead to; unit 0 only.
-    AllLines,
 }
 
 /// The kinds of port.
@@ -86,14 +50,7 @@ pub enum PortKind {
     /// The web interface.
     // Images without it have no word of it.
     #[cfg(feature = "web")]
-    Http {
-        /// Where it listens.
-        listen: TcpListen,
-        /// Peers that may connect; others are disconnected at once.
-        allowed: Allowed,
-        /// Whether users may log in from other machines without encryption.
-        cleartext: bool,
-    },
+    Http(HttpSettings),
 }
 
 impl PortKind {
@@ -123,16 +80,31 @@ impl PortKind {
         let tls = match self {
             Self::TcpServer(server) => &server.tls,
             Self::TcpClient(client) => &client.tls,
+            // As the variant.
+            #[cfg(feature = "web")]
+            Self::Http(server) => &server.tls,
             _ => return None,
         };
         tls.on.then_some(tls)
+    }
+
+    /// Whether, as a server with TLS, it serves only clients that show a certificate.
+    // As above.
+    #[cfg(feature = "tls")]
+    pub fn wants_certificates(&self) -> bool {
+        match self {
+            // As the variant.
+            #[cfg(feature = "web")]
+            Self::Http(server) => server.tls.trust.is_some(),
+            _ => self.side() == Side::Server,
+        }
     }
 
     /// Whether its clients may have roles.
     pub(crate) fn has_roles(&self) -> bool {
         // As above.
         #[cfg(feature = "tls")]
-        return self.side() == Side::Server && self.tls().is_some();
+        return matches!(self, Self::TcpServer(server) if server.tls.on);
         #[cfg(not(feature = "tls"))] // As above.
         false
     }
@@ -151,7 +123,7 @@ impl PortKind {
             Self::TcpServer(server) => Some(&server.listen),
             // As the variant.
             #[cfg(feature = "web")]
-            Self::Http { listen, .. } => Some(listen),
+            Self::Http(server) => Some(&server.listen),
             _ => None,
         }
     }
@@ -161,9 +133,263 @@ impl PortKind {
         match self {
             // As the variant.
             #[cfg(feature = "web")]
-            Self::Http { .. } => false,
+            Self::Http(_) => false,
             Self::TcpServer(server) => !server.is_ssh(),
             _ => true,
         }
+    }
+
+    /// The field that `key` sets; `None` if this kind of port has no such setting.
+    pub(crate) fn field(&mut self, key: Key) -> Option<Field<'_>> {
+        match self {
+            Self::Serial(settings) => settings.field(key),
+            Self::TcpServer(settings) => settings.field(key),
+            Self::TcpClient(settings) => settings.field(key),
+            Self::UdpServer(settings) => settings.field(key),
+            Self::Ethercat(settings) => settings.field(key),
+            Self::Scanner => None,
+            // As above.
+            #[cfg(feature = "web")]
+            Self::Http(settings) => settings.field(key),
+        }
+    }
+
+    /// The same port with default settings, except for a serial port's framing and side.
+    pub(crate) fn plain(&self) -> Self {
+        match self {
+            Self::Serial(settings) => Self::Serial(settings.plain()),
+            Self::TcpServer(settings) => Self::TcpServer(settings.plain()),
+            Self::TcpClient(settings) => Self::TcpClient(TcpClientSettings::new(settings.server.clone())),
+            Self::UdpServer(settings) => Self::UdpServer(UdpServerSettings::new(settings.listen)),
+            // As above.
+            #[cfg(feature = "web")]
+            Self::Http(server) => Self::Http(HttpSettings::new(server.listen)),
+            Self::Scanner => Self::Scanner,
+            // Never the other one: where there is no EtherCAT, there is no such port.
+            Self::Ethercat(_) => EthercatSettings::new().map_or(Self::Scanner, Self::Ethercat),
+        }
+    }
+}
+
+/// The setting that a keyword of a port line changes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, EnumDiscriminants)]
+#[strum_discriminants(name(KeyName), derive(EnumCount))]
+pub(crate) enum Key {
+    Device,
+    Framing(Framing),
+    Side(Side),
+    Baud,
+    Format,
+    CharTimeout,
+    Gap,
+    Driver(Driver),
+    DriverBefore,
+    DriverAfter,
+    Echo(bool),
+    AnswerWithin,
+    ReplyDelay,
+    Timeout,
+    Retries,
+    Turnaround,
+    StartDelay,
+    LateWindow,
+    DownAfter,
+    Proof,
+    Listen,
+    Clients,
+    Idle,
+    Pipeline,
+    Lifetime,
+    Full,
+    Reserve,
+    Allow,
+    Stream(StreamFraming),
+    Server,
+    Sockets,
+    Unit,
+    InFlight,
+    ConnectTimeout,
+    ConnectDelay,
+    RequestDelay,
+    Requests,
+    OnLoss,
+    Line,
+    Broadcast,
+    Confirm(bool),
+    Unit255,
+    ReservedUnits,
+    ProveOutputs(bool),
+    Interface,
+    Id,
+    Emergencies(bool),
+    Modules(bool),
+    // Images without TLS have no word of it; also below.
+    #[cfg(feature = "tls")]
+    Tls(bool),
+    #[cfg(feature = "tls")]
+    Certificate,
+    #[cfg(feature = "tls")]
+    Trust,
+    // Images without a web interface have no word of it.
+    #[cfg(feature = "web")]
+    Cleartext(bool),
+    #[cfg(feature = "web")]
+    Metrics(bool),
+}
+
+impl Key {
+    /// The bit that records that a line has set it.
+    pub(crate) fn bit(self) -> u64 {
+        1 << KeyName::from(self) as u64
+    }
+}
+
+const _: () = assert!(KeyName::COUNT <= u64::BITS as usize, "there is a bit for each key");
+
+impl SerialSettings {
+    fn field(&mut self, key: Key) -> Option<Field<'_>> {
+        let Self { line, client, server, .. } = self;
+        Some(match key {
+            Key::Device => Field::Device(&mut self.device),
+            Key::Framing(framing) => Field::Framing(&mut self.framing, framing),
+            Key::Side(side) => Field::Side(&mut self.side, side),
+            Key::Baud => Field::Baud(&mut line.baud, &BAUD),
+            Key::Format => Field::Format(line),
+            Key::Gap => Field::AutoTime(&mut line.gap, &SECOND),
+            Key::CharTimeout => Field::AutoTime(&mut line.char_timeout, &CHAR_TIMEOUT),
+            Key::Driver(driver) => Field::Driver(&mut line.driver, driver),
+            Key::DriverBefore => Field::Time(&mut line.driver_before, &SECOND),
+            Key::DriverAfter => Field::Time(&mut line.driver_after, &SECOND),
+            Key::Echo(echo) => Field::Flag(&mut line.echo, echo),
+            Key::AnswerWithin => Field::Time(&mut server.answer_within, &LIFETIME),
+            Key::ReplyDelay => Field::Time(&mut server.reply_delay, &TEN_SECONDS),
+            Key::Timeout => Field::Time(&mut client.timeout, &TIMEOUT),
+            Key::Retries => Field::Small(&mut client.retries, &RETRIES),
+            Key::Turnaround => Field::Time(&mut client.turnaround, &MINUTE),
+            Key::StartDelay => Field::Time(&mut client.start_delay, &HOUR),
+            Key::LateWindow => Field::AutoTime(&mut client.late_window, &HOUR),
+            Key::DownAfter => Field::Small(&mut client.down_after, &DOWN_AFTER),
+            Key::Proof => Field::Proofs(&mut client.proofs),
+            _ => return None,
+        })
+    }
+}
+
+impl TcpServerSettings {
+    fn field(&mut self, key: Key) -> Option<Field<'_>> {
+        Some(match key {
+            Key::Listen => Field::Listen(&mut self.listen),
+            Key::Stream(framing) => Field::Stream(&mut self.framing, framing),
+            Key::Clients => Field::Medium(&mut self.clients, &CLIENTS),
+            Key::Idle => Field::Idle(&mut self.idle, &IDLE),
+            Key::Pipeline => Field::Small(&mut self.pipeline, &PIPELINE),
+            Key::Lifetime => Field::Time(&mut self.lifetime, &LIFETIME),
+            Key::Full => Field::Full(&mut self.refuses),
+            Key::Reserve => Field::Reserve(&mut self.reserved, &mut self.reserved_for, &RESERVED),
+            Key::Allow => Field::Allow(&mut self.allowed),
+            // Images without TLS have no word of it.
+            #[cfg(feature = "tls")]
+            key => return self.tls.field(key),
+            #[cfg(not(feature = "tls"))] // As above.
+            _ => return None,
+        })
+    }
+}
+
+// As above.
+#[cfg(feature = "tls")]
+impl TlsSettings {
+    fn field(&mut self, key: Key) -> Option<Field<'_>> {
+        Some(match key {
+            Key::Tls(on) => Field::Flag(&mut self.on, on),
+            Key::Certificate => Field::Certificate(&mut self.certificate),
+            Key::Trust => Field::Certificate(&mut self.trust),
+            _ => return None,
+        })
+    }
+}
+
+impl TcpClientSettings {
+    fn field(&mut self, key: Key) -> Option<Field<'_>> {
+        Some(match key {
+            Key::Server => Field::Server(&mut self.server),
+            Key::Stream(framing) => Field::Stream(&mut self.framing, framing),
+            Key::Unit => Field::Unit(&mut self.unit, &UNIT),
+            Key::Sockets => Field::Small(&mut self.sockets, &SOCKETS),
+            Key::InFlight => Field::Small(&mut self.in_flight, &PIPELINE),
+            Key::Timeout => Field::Time(&mut self.timeout, &TIMEOUT),
+            Key::ConnectTimeout => Field::Time(&mut self.connect_timeout, &TIMEOUT),
+            Key::ConnectDelay => Field::Time(&mut self.connect_delay, &MINUTE),
+            Key::RequestDelay => Field::Time(&mut self.request_delay, &MINUTE),
+            Key::Idle => Field::Idle(&mut self.idle, &IDLE),
+            Key::Retries => Field::Small(&mut self.retries, &RETRIES),
+            Key::LateWindow => Field::AutoTime(&mut self.late_window, &HOUR),
+            Key::DownAfter => Field::Small(&mut self.down_after, &DOWN_AFTER),
+            Key::Proof => Field::Proofs(&mut self.proofs),
+            // As above.
+            #[cfg(feature = "tls")]
+            key => return self.tls.field(key),
+            #[cfg(not(feature = "tls"))] // As above.
+            _ => return None,
+        })
+    }
+}
+
+// Images without a web interface have none.
+#[cfg(feature = "web")]
+impl HttpSettings {
+    fn field(&mut self, key: Key) -> Option<Field<'_>> {
+        Some(match key {
+            Key::Listen => Field::Listen(&mut self.listen),
+            Key::Allow => Field::Allow(&mut self.allowed),
+            Key::Cleartext(is_clear) => Field::Flag(&mut self.cleartext, is_clear),
+            Key::Metrics(is_open) => Field::Flag(&mut self.metrics, is_open),
+            // As above.
+            #[cfg(feature = "tls")]
+            key => return self.tls.field(key),
+            #[cfg(not(feature = "tls"))] // As above.
+            _ => return None,
+        })
+    }
+}
+
+impl UdpServerSettings {
+    fn field(&mut self, key: Key) -> Option<Field<'_>> {
+        Some(match key {
+            Key::Listen => Field::Listen(&mut self.listen),
+            Key::Pipeline => Field::Small(&mut self.pipeline, &PIPELINE),
+            Key::Requests => Field::Small(&mut self.requests, &REQUESTS),
+            Key::Lifetime => Field::Time(&mut self.lifetime, &LIFETIME),
+            Key::Allow => Field::Allow(&mut self.allowed),
+            _ => return None,
+        })
+    }
+}
+
+impl EthercatSettings {
+    fn field(&mut self, key: Key) -> Option<Field<'_>> {
+        Some(match key {
+            Key::Interface => Field::Interface(&mut self.interface),
+            Key::Line => Field::Line(&mut self.line),
+            Key::OnLoss => Field::OnLoss(&mut self.on_loss),
+            Key::ProveOutputs(prove) => Field::Flag(&mut self.prove_outputs, prove),
+            Key::Emergencies(sent) => Field::Flag(&mut self.emergencies, sent),
+            Key::Modules(modules) => Field::Flag(&mut self.modules, modules),
+            Key::Id => Field::Id(&mut self.id, &ID),
+            _ => return None,
+        })
+    }
+}
+
+impl UnitPolicy {
+    /// The field that `key` sets, if it is one of these.
+    pub(crate) fn field(&mut self, key: Key) -> Option<Field<'_>> {
+        Some(match key {
+            Key::Broadcast => Field::Special(&mut self.broadcast, true),
+            Key::Confirm(confirm) => Field::Flag(&mut self.confirm, confirm),
+            Key::Unit255 => Field::Special(&mut self.unit_255, false),
+            Key::ReservedUnits => Field::Special(&mut self.reserved, false),
+            _ => return None,
+        })
     }
 }

@@ -43,6 +43,11 @@ impl SerialSettings {
             server: SerialServerSettings::DEFAULT,
         }
     }
+
+    /// The same device, framing and side with default settings.
+    pub(super) fn plain(&self) -> Self {
+        Self { framing: self.framing, side: self.side, ..Self::new(self.device.clone()) }
+    }
 }
 
 /// Speed, character format and silent intervals of a line.

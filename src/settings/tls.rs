@@ -4,7 +4,7 @@ use heapless::{String, Vec};
 
 use crate::settings::Name;
 
-/// Whether there is TLS. The core has none: the board speaks it, and the core only tells it when.
+/// Whether there is TLS: the board implements it, the core only starts it.
 pub(crate) const TLS: bool = cfg!(feature = "tls");
 
 /// Certificates in the settings.
@@ -31,14 +31,14 @@ pub struct Certificate {
     pub purpose: Purpose,
     /// The file with the certificates.
     pub file: FileName,
-    /// The file with the private key of the gateway's own certificate, or else with lists of revoked certificates, if there are any.
+    /// The private key's file for the gateway's own certificate; the file of revocation lists for authorities, if any.
     pub second: Option<FileName>,
 }
 
 /// What certificates are for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Purpose {
-    /// The gateway shows it: its own, with those of the authorities between.
+    /// The gateway's own certificate, with its intermediate authorities.
     Own,
     /// Authorities that certify clients of the gateway.
     Clients,
@@ -64,8 +64,8 @@ impl TlsSettings {
     pub(crate) const OFF: Self = Self { on: false, certificate: None, trust: None };
 }
 
-/// The role of a client, of which rules may be: text of up to 31 bytes, which fills up with zeros. No client has one without TLS, nor
-/// if its certificate has none; this is the NULL role of the specification.
+/// The role of a client, which rules can require: up to 31 bytes of text, padded with zeros. A client without TLS, or whose certificate
+/// names no role, has none: the NULL role of the specification.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ClientRole([u8; CLIENT_ROLE_BYTES_MAX]);
 

@@ -1,7 +1,7 @@
 //! Sends the audit trail to a syslog server, as messages of RFC 5424, by UDP (RFC 5426) or TCP (RFC 6587).
 //!
-//! The trail itself is the queue: what was pushed out of it before it could be sent is missing in its numbers, is counted, and the server is
-//! told how much. Each message has its number as `sequenceId`, so that a server sees what else is missing.
+//! The trail itself is the queue. Lines overwritten before they were sent leave a gap in the numbers, and a message tells the server how
+//! many were lost. Each message carries its number as `sequenceId`, so a server also notices lost messages.
 
 use core::convert::Infallible;
 use core::fmt::Write as _;
@@ -70,7 +70,7 @@ async fn with_link(
         for message in loss.into_iter().chain([message(&link, &line)]) {
             let sent = with_timeout(SEND_MAX, send(&mut link, syslog.transport, &message)).await;
             if let Err(error) = sent.unwrap_or(Err(SLOW)) {
-                // It tells of the datagram before, which has found nobody.
+                // The error of the previous datagram, which nobody received.
                 let is_late = syslog.transport == Transport::Udp && error.kind == OpenErrorKind::Refused;
                 gateway.change_forwarding(|forwarding| forwarding.lost += u32::from(is_late));
                 return Err(error);

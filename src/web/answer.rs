@@ -12,26 +12,32 @@ use picoserve::response::{Connection, IntoResponse, Response, ResponseWriter, St
 
 use super::job;
 use super::json::Quoted;
+use super::metrics::Metrics;
 use super::page::File;
-use super::piece::{Piece, Source};
+use super::piece::{Piece, ShortPiece, Source};
 use super::session;
+use super::settings::{Schema, Written};
 use super::status::Status;
 use crate::console::access::{self, Running};
 use crate::console::diff::restarting;
+use crate::gateway::Gateway;
 use crate::gateway::difference::Difference;
-use crate::gateway::web::Token;
-use crate::gateway::{Candidate, Gateway};
-use crate::language::{LineError, Shown, write_shown_line};
+use crate::gateway::web::{Hold, Token};
+use crate::language::LineError;
 
-/// Fits the longest answer that is made before it is sent.
-pub(super) type Text = String<2_048>;
+/// Bytes of the longest answer that is made before it is sent.
+pub(super) const TEXT_BYTES_MAX: usize = if cfg!(feature = "long-requests") { 2_048 } else { 768 };
+pub(super) type Text = String<TEXT_BYTES_MAX>;
 /// A message, which is cut if it is longer.
-type Message = String<512>;
+type Message = String<{ TEXT_BYTES_MAX / 4 }>;
 
 /// Time between two events of live values.
 const LIVE_PAUSE: Duration = Duration::from_secs(1);
 
-const FULL: &str = "as many as can be have live values: later, or GET /api/v1/status";
+const TEXT: &str = "text/plain; charset=utf-8";
+const PAGES_FULL: &str =
+    "four pages have live values, and more cannot: close one, or GET /api/v1/status now and then";
+const CAPTURES_FULL: &str = "two others get frames, and more cannot: stop one of them";
 
 /// Sent with each answer: it must be neither cached nor framed.
 const HEADERS: &[(&str, &str)] = &[
@@ -69,11 +75,8 @@ pub(super) enum Content<'s, 'g> {
     Status(Status),
     /// The status as events, until the session ends.
     Live(Status, Token),
-    /// The settings in force, or of the candidate, from a line on.
-    Settings {
-        candidate: bool,
-        line: usize,
-    },
+    Settings(Written),
+    Schema(Schema),
     Diff(Difference, Part),
     /// The response of a unit.
     Values(access::Response, Part),
@@ -81,6 +84,7 @@ pub(super) enum Content<'s, 'g> {
     Job(Running<'s, 'g>),
     /// Frames as they come, until the session ends.
     Frames(Token),
+    Metrics(Metrics),
 }
 
 /// How far an object has been written.
@@ -90,6 +94,8 @@ pub(super) enum Part {
     Head,
     First,
     More,
+    /// The next rule, and whether one was told.
+    Rule(usize, bool),
     Over,
 }
 
@@ -147,20 +153,24 @@ impl<'s, 'g> Answer<'s, 'g> {
         self
     }
 
-    /// Sends it.
+    /// Sends it. It stays where it is: a future has its arguments twice.
     pub(super) async fn send<R: Read, W: ResponseWriter<Error = R::Error>>(
-        self,
+        &mut self,
         source: Source<'_, '_>,
         connection: Connection<'_, R>,
         writer: W,
     ) -> Result<ResponseSent, W::Error> {
-        let is_live = matches!(self.content, Content::Live(..) | Content::Frames(_));
-        let held = is_live.then(|| source.gateway.web.hold());
-        let Self { status, header, content } = match held {
-            Some(None) => Self::error(409, &FULL),
-            _ => self,
+        let hold = match self.content {
+            Content::Live(..) => Some((Hold::Events, PAGES_FULL)),
+            Content::Frames(_) => Some((Hold::Frames, CAPTURES_FULL)),
+            _ => None,
         };
-        let status = StatusCode::new(status);
+        let held = hold.map(|(hold, full)| source.gateway.web.hold(hold).ok_or(full));
+        if let Some(Err(full)) = held {
+            *self = Self::error(409, &full);
+        }
+        let Self { status, header, content } = self;
+        let status = StatusCode::new(*status);
         let header = header.as_ref().map(|(name, value)| (*name, value.as_str()));
         match content {
             Content::Nothing => {
@@ -173,7 +183,7 @@ impl<'s, 'g> Answer<'s, 'g> {
             }
             Content::File(file, is_known) => {
                 let (status, bytes) =
-                    if is_known { (StatusCode::NOT_MODIFIED, &[][..]) } else { (status, file.bytes) };
+                    if *is_known { (StatusCode::NOT_MODIFIED, &[][..]) } else { (status, file.bytes) };
                 let response = Response::new(status, bytes).with_content_type(file.kind);
                 let response = response.with_header("Content-Encoding", "gzip").with_header("ETag", file.tag);
                 response.with_headers(FILE_HEADERS).write_to(connection, writer).await
@@ -187,40 +197,39 @@ impl<'s, 'g> Answer<'s, 'g> {
 }
 
 /// A stream of pieces.
-struct Pieces<'a, 's, 'g> {
-    source: Source<'a, 'g>,
-    content: Content<'s, 'g>,
+struct Pieces<'a, 'b, 's, 'g> {
+    source: Source<'a, 'b>,
+    content: &'a mut Content<'s, 'g>,
 }
 
-impl Chunks for Pieces<'_, '_, '_> {
+impl Chunks for Pieces<'_, '_, '_, '_> {
     fn content_type(&self) -> &'static str {
-        match self.content {
-            Content::Settings { .. } | Content::Job(_) => "text/plain; charset=utf-8",
+        match *self.content {
+            Content::Settings(ref written) if !written.is_json() => TEXT,
+            Content::Job(_) => TEXT,
             Content::Frames(_) => "application/x-pcapng",
             Content::Live(..) => "text/event-stream",
+            Content::Metrics(ref metrics) => metrics.content_type(),
             _ => "application/json",
         }
     }
 
-    async fn write_chunks<W: Write>(mut self, mut writer: ChunkWriter<W>) -> Result<ChunksWritten, W::Error> {
-        match &mut self.content {
-            Content::Job(running) => job::run(&self.source, running, &mut writer).await?,
-            Content::Frames(token) => job::frames(&self.source, token, &mut writer).await?,
+    async fn write_chunks<W: Write>(self, mut writer: ChunkWriter<W>) -> Result<ChunksWritten, W::Error> {
+        let Self { source, content } = self;
+        match content {
+            Content::Job(running) => job::run(&source, running, &mut writer).await?,
+            Content::Frames(token) => job::frames(&source, token, &mut writer).await?,
             _ => {}
         }
-        let mut piece = Piece::new();
-        // A piece that does not fit ends the answer, which its receiver finds incomplete.
         loop {
-            while self.content.next(&self.source, &mut piece) == Ok(true) {
-                writer.write_chunk(piece.as_bytes()).await?;
-                piece.clear();
+            while content.write_next(&source, &mut writer).await? {
                 // Lets other tasks run between two rows.
                 yield_now().await;
             }
-            let Content::Live(status, token) = &mut self.content else { break };
+            let Content::Live(status, token) = content else { break };
             Timer::after(LIVE_PAUSE).await;
             // Live values do not prolong the session.
-            if session::user(self.source.gateway, token, false).is_none() {
+            if session::user(source.gateway, token, false).is_none() {
                 break;
             }
             *status = Status::new();
@@ -230,7 +239,26 @@ impl Chunks for Pieces<'_, '_, '_> {
 }
 
 impl Content<'_, '_> {
-    /// Writes the next piece; `false`: there was none.
+    /// Sends the next piece; `false`: there was none.
+    async fn write_next<W: Write>(
+        &mut self,
+        source: &Source<'_, '_>,
+        writer: &mut ChunkWriter<W>,
+    ) -> Result<bool, W::Error> {
+        let mut short = ShortPiece::new();
+        if let Ok(is_one) = self.next(source, &mut short) {
+            writer.write_chunk(if is_one { short.as_bytes() } else { b"" }).await?;
+            return Ok(is_one);
+        }
+        let mut long = source.gateway.web.long_piece.lock().await;
+        long.clear();
+        // A piece that does not fit here either ends the answer, which its receiver finds incomplete.
+        let is_one = self.next(source, long.as_mut_view()) == Ok(true);
+        writer.write_chunk(if is_one { long.as_bytes() } else { b"" }).await?;
+        Ok(is_one)
+    }
+
+    /// Writes the next piece; `false`: there was none. After an error the same piece is the next one.
     fn next(&mut self, source: &Source<'_, '_>, out: &mut Piece) -> Result<bool, fmt::Error> {
         match self {
             Self::Nothing | Self::Json(_) | Self::File(..) | Self::Job(_) | Self::Frames(_) => Ok(false),
@@ -241,37 +269,31 @@ impl Content<'_, '_> {
                 let more = status.next(source, out)?;
                 out.write_str(if more && status.has_just_ended() { "\n\n" } else { "" }).map(|()| more)
             }
-            Self::Settings { candidate, line } => {
-                let written = settings_line(source.gateway, *candidate, *line, out).transpose()?;
-                *line += 1;
-                written.map_or(Ok(false), |()| out.write_str("\n").map(|()| true))
-            }
+            Self::Settings(written) => retried(written, |written| written.next(source.gateway, out)),
+            Self::Schema(schema) => retried(schema, |schema| schema.next(out)),
+            Self::Metrics(metrics) => retried(metrics, |metrics| metrics.next(source, out)),
             Self::Diff(diff, part) => next_of_diff(source.gateway, diff, part, out),
             Self::Values(response, part) => {
                 if *part == Part::Over {
                     return Ok(false);
                 }
+                values(response, out)?;
                 *part = Part::Over;
-                values(response, out).map(|()| true)
+                Ok(true)
             }
         }
     }
 }
 
-/// Line `n` of the settings.
-fn settings_line(
-    gateway: &Gateway<'_>,
-    of_candidate: bool,
-    n: usize,
-    out: &mut Piece,
-) -> Option<fmt::Result> {
-    match of_candidate.then(|| gateway.candidate().map(Candidate::settings)) {
-        Some(candidate) => write_shown_line(&*candidate?.ok()?, n, Shown::Apart, out),
-        None => gateway.settings(|settings| write_shown_line(settings, n, Shown::Apart, out)),
-    }
+/// Writes the next piece of `source`, which stays as it was after an error.
+fn retried<T: Clone, E>(source: &mut T, next: impl FnOnce(&mut T) -> Result<bool, E>) -> Result<bool, E> {
+    let mut ahead = source.clone();
+    let is_one = next(&mut ahead)?;
+    *source = ahead;
+    Ok(is_one)
 }
 
-/// `{"lines":["- ...","+ ..."],"restarts":["P1"]}`
+/// `{"lines":["- ...","+ ..."],"restarts":["P1"],"rules":[{"rule":2,"message":"never matches ..."}]}`
 fn next_of_diff(
     gateway: &Gateway<'_>,
     diff: &mut Difference,
@@ -280,21 +302,24 @@ fn next_of_diff(
 ) -> Result<bool, fmt::Error> {
     let separator = match part {
         Part::Head => {
+            out.write_str("{\"lines\":[")?;
             *part = Part::First;
-            return out.write_str("{\"lines\":[").map(|()| true);
+            return Ok(true);
         }
         Part::First => "",
         Part::More => ",",
+        Part::Rule(nth, is_one) => return next_of_rules(gateway, (*nth, *is_one), part, out),
         Part::Over => return Ok(false),
     };
-    // It was there before; without it, nothing differs any more.
+    // The candidate may be gone since the check; then nothing differs.
     let candidate = gateway.candidate().and_then(|candidate| candidate.settings().ok());
-    let next = candidate.as_ref().and_then(|new| gateway.settings(|in_force| diff.next(in_force, new)));
+    let mut ahead = diff.clone();
+    let next = candidate.as_ref().and_then(|new| gateway.settings(|in_force| ahead.next(in_force, new)));
     if let Some((sign, line)) = next {
-        *part = Part::More;
-        return write!(out, "{separator}{}", Quoted(format_args!("{sign} {line}"))).map(|()| true);
+        write!(out, "{separator}{}", Quoted(format_args!("{sign} {line}")))?;
+        (*diff, *part) = (ahead, Part::More);
+        return Ok(true);
     }
-    *part = Part::Over;
     out.write_str("],\"restarts\":[")?;
     if let Some(new) = &candidate {
         gateway.settings(|in_force| {
@@ -303,7 +328,31 @@ fn next_of_diff(
                 .try_for_each(|(nth, name)| write!(out, "{}{}", if nth > 0 { "," } else { "" }, Quoted(name)))
         })?;
     }
-    out.write_str("]}").map(|()| true)
+    out.write_str("],\"rules\":[")?;
+    *part = Part::Rule(0, false);
+    Ok(true)
+}
+
+/// The next rule of the candidate that is likely a mistake, from rule `nth` on.
+fn next_of_rules(
+    gateway: &Gateway<'_>,
+    (nth, is_one): (usize, bool),
+    part: &mut Part,
+    out: &mut Piece,
+) -> Result<bool, fmt::Error> {
+    let candidate = gateway.candidate().and_then(|candidate| candidate.settings().ok());
+    let mut rules = candidate.iter().flat_map(|new| {
+        (nth..new.routes.len()).filter_map(|at| new.rule_warning(at).map(|warning| (at, warning)))
+    });
+    let Some((at, warning)) = rules.next() else {
+        out.write_str("]}")?;
+        *part = Part::Over;
+        return Ok(true);
+    };
+    let comma = if is_one { "," } else { "" };
+    write!(out, "{comma}{{\"rule\":{},\"message\":{}}}", at + 1, Quoted(warning))?;
+    *part = Part::Rule(at + 1, true);
+    Ok(true)
 }
 
 /// `{"unit":7,"took_us":1234,"address":0,"values":[1,2]}`

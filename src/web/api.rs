@@ -1,11 +1,10 @@
 //! The paths of the interface: who may call what. The table is the whole interface.
 
-use core::cell::Cell;
 use core::net::IpAddr;
 
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::mutex::Mutex;
-use embassy_time::{Duration, Instant, Timer};
+use embassy_time::{Duration, Timer};
 use picoserve::ResponseSent;
 use picoserve::io::Read;
 use picoserve::request::{Path, Request, RequestBody, RequestParts};
@@ -14,16 +13,18 @@ use picoserve::routing::PathRouterService;
 
 use super::answer::{Answer, Content};
 use super::guard::{self, Foreign};
+use super::metrics::Metrics;
 use super::page;
 use super::piece::Source;
 use super::session::{self, Shows};
 use super::status::TableOf;
+use super::transport::Life;
 use crate::console::access::{self, Ask, Denied, Show};
 use crate::gateway::Gateway;
 use crate::gateway::audit::{Actor, Topic};
 use crate::gateway::web::Token;
-use crate::hal::{Store, System};
-use crate::settings::{Name, PortId, Role};
+use crate::hal::{Store, System, Update};
+use crate::settings::{HttpSettings, Name, PortId, Role};
 
 /// What is called.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -33,11 +34,16 @@ pub(super) enum Call {
     LogOut,
     Status,
     Events,
-    Settings,
-    Candidate,
-    /// Lines that make the candidate, or change it.
+    /// As lines, or as JSON.
+    Settings(bool),
+    Candidate(bool),
+    /// What that JSON is.
+    Schema,
+    /// Lines that make the candidate, or change it; the same as JSON.
     Replace,
     Change,
+    ReplaceJson,
+    ChangeJson,
     Discard,
     Diff,
     Commit,
@@ -58,6 +64,13 @@ pub(super) enum Call {
     /// Writes a data point.
     Point,
     Frames,
+    /// What runs, and whether it is on trial.
+    Firmware,
+    /// Counters for Prometheus.
+    Metrics,
+    /// Takes something newer; takes back what is on trial.
+    Update,
+    GoBack,
 }
 
 /// The kind of a request's body.
@@ -66,10 +79,15 @@ enum Takes {
     Nothing,
     Lines,
     Json,
+    /// New firmware, which is taken as it comes.
+    Image,
 }
 
 /// Path, method, call, body, and the command of the console that needs the same role; none: every user may.
 type Route = (&'static str, &'static str, Call, Takes, Option<&'static str>);
+
+/// Where Prometheus looks.
+const METRICS: &str = "/metrics";
 
 const ROUTES: &[Route] = &[
     ("/api/v1/session", "POST", Call::LogIn, Takes::Json, None),
@@ -77,8 +95,13 @@ const ROUTES: &[Route] = &[
     ("/api/v1/session", "DELETE", Call::LogOut, Takes::Nothing, None),
     ("/api/v1/status", "GET", Call::Status, Takes::Nothing, Some("show")),
     ("/api/v1/events", "GET", Call::Events, Takes::Nothing, Some("show")),
-    ("/api/v1/settings", "GET", Call::Settings, Takes::Nothing, Some("show")),
-    ("/api/v1/settings/candidate", "GET", Call::Candidate, Takes::Nothing, Some("show")),
+    ("/api/v1/settings", "GET", Call::Settings(false), Takes::Nothing, Some("show")),
+    ("/api/v1/settings/json", "GET", Call::Settings(true), Takes::Nothing, Some("show")),
+    ("/api/v1/settings/schema", "GET", Call::Schema, Takes::Nothing, Some("show")),
+    ("/api/v1/settings/candidate", "GET", Call::Candidate(false), Takes::Nothing, Some("show")),
+    ("/api/v1/settings/candidate/json", "GET", Call::Candidate(true), Takes::Nothing, Some("show")),
+    ("/api/v1/settings/candidate/json", "PUT", Call::ReplaceJson, Takes::Json, Some("candidate")),
+    ("/api/v1/settings/candidate/json", "POST", Call::ChangeJson, Takes::Json, Some("candidate")),
     ("/api/v1/settings/candidate", "PUT", Call::Replace, Takes::Lines, Some("candidate")),
     ("/api/v1/settings/candidate", "POST", Call::Change, Takes::Lines, Some("candidate")),
     ("/api/v1/settings/candidate", "DELETE", Call::Discard, Takes::Nothing, Some("discard")),
@@ -92,7 +115,20 @@ const ROUTES: &[Route] = &[
     ("/api/v1/log", "GET", Call::Tables(&[("log", Some(Show::Transactions))]), Takes::Nothing, Some("show")),
     ("/api/v1/audit", "GET", Call::Tables(&[("audit", Some(Show::Audit))]), Takes::Nothing, Some("password")),
     ("/api/v1/users", "GET", Call::Tables(&[("users", Some(Show::Users))]), Takes::Nothing, Some("show")),
+    ("/api/v1/units", "GET", Call::Tables(&[("units", Some(Show::Details))]), Takes::Nothing, Some("show")),
+    (
+        "/api/v1/network",
+        "GET",
+        Call::Tables(&[("network", Some(Show::Network))]),
+        Takes::Nothing,
+        Some("show"),
+    ),
+    ("/api/v1/ethercat", "GET", Call::Tables(ETHERCAT), Takes::Nothing, Some("show")),
+    ("/api/v1/update", "GET", Call::Firmware, Takes::Nothing, Some("show")),
+    ("/api/v1/update", "POST", Call::Update, Takes::Image, Some("update")),
+    ("/api/v1/update", "DELETE", Call::GoBack, Takes::Nothing, Some("update")),
     ("/api/v1/frames", "GET", Call::Frames, Takes::Nothing, Some("watch")),
+    (METRICS, "GET", Call::Metrics, Takes::Nothing, Some("show")),
     ("/api/v1/scan", "POST", Call::Scan, Takes::Json, Some("scan")),
     ("/api/v1/tune", "POST", Call::Tune, Takes::Json, Some("tune")),
     ("/api/v1/stop", "POST", Call::Stop, Takes::Nothing, Some("scan")),
@@ -103,24 +139,45 @@ const ROUTES: &[Route] = &[
     ("/api/v1/ping", "POST", Call::Direct(Ask::Ping), Takes::Json, Some("ping")),
 ];
 
+const ETHERCAT: &[TableOf] = &[("ethercat", Some(Show::Ethercat)), ("modules", Some(Show::Modules))];
+
 /// The longest scan, at all speeds, takes a quarter of an hour with the time-out that is usual, and hours with a long one.
 const WORK_MAX: Duration = Duration::from_secs(12 * 3_600);
 
-const CLEARTEXT: &str = "it is not encrypted: from this machine only, unless the port says cleartext";
+const CLEARTEXT: &str = "it is not encrypted: from this machine only, unless the port says tls or cleartext";
 const LOG_IN: &str = "log in first: POST /api/v1/session with user and password";
 
+/// What a client may do at the port.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Terms {
+    /// By TLS.
+    pub(super) encrypted: bool,
+    /// Log in, and what needs that.
+    logs_in: bool,
+    /// Read the metrics without a log-in.
+    metrics: bool,
+}
+
+impl Terms {
+    pub(super) fn of(server: &HttpSettings, peer: IpAddr) -> Self {
+        let encrypted = server.is_encrypted();
+        let logs_in = encrypted || server.cleartext || peer.is_loopback();
+        Self { encrypted, logs_in, metrics: server.metrics }
+    }
+}
+
 /// The interface for one connection.
-pub(super) struct Api<'a, 'g, S, Y> {
+pub(super) struct Api<'a, 'g, S, U, Y> {
     pub(super) gateway: &'a Gateway<'g>,
     pub(super) store: Mutex<NoopRawMutex, &'a mut S>,
+    pub(super) update: Mutex<NoopRawMutex, &'a mut U>,
     pub(super) system: &'a Y,
     /// The port, and the client.
     pub(super) port: PortId,
     pub(super) peer: IpAddr,
-    /// Whether other machines may use it.
-    pub(super) cleartext: bool,
-    /// When the connection ends.
-    pub(super) end: &'a Cell<Instant>,
+    pub(super) terms: Terms,
+    /// The connection.
+    pub(super) life: &'a Life,
 }
 
 /// Who calls.
@@ -137,7 +194,7 @@ impl Caller {
     }
 }
 
-impl<S: Store, Y: System> PathRouterService for Api<'_, '_, S, Y> {
+impl<S: Store, U: Update, Y: System> PathRouterService for Api<'_, '_, S, U, Y> {
     async fn call_path_router_service<R: Read, W: ResponseWriter<Error = R::Error>>(
         &self,
         (): &(),
@@ -148,16 +205,16 @@ impl<S: Store, Y: System> PathRouterService for Api<'_, '_, S, Y> {
     ) -> Result<ResponseSent, W::Error> {
         let turn = self.gateway.web.turns.take(embassy_time::Instant::now());
         Timer::at(turn).await;
-        let answer = self.answer(path.encoded(), &request.parts, request.body_connection.body()).await;
+        let mut answer = self.answer(path.encoded(), &request.parts, request.body_connection.body()).await;
         let connection = request.body_connection.finalize().await?;
         answer.send(Source { gateway: self.gateway, system: self.system }, connection, writer).await
     }
 }
 
-impl<'a, 'g, S: Store, Y: System> Api<'a, 'g, S, Y> {
+impl<'a, 'g, S: Store, U: Update, Y: System> Api<'a, 'g, S, U, Y> {
     /// The connection stays for the longest work; whoever waits for it must take what is sent.
     pub(super) fn takes_long(&self) {
-        self.end.set(Instant::now() + WORK_MAX);
+        self.life.lasts(WORK_MAX);
     }
 
     async fn answer<R: Read>(
@@ -176,6 +233,9 @@ impl<'a, 'g, S: Store, Y: System> Api<'a, 'g, S, Y> {
         if let Err(refusal) = takes.check(parts, body.content_length()) {
             return refusal;
         }
+        if let (Takes::Image, Some(caller)) = (takes, &caller) {
+            return self.update(caller, body).await;
+        }
         if !body.entire_body_fits_into_buffer() {
             return Answer::error(413, &"the body is too large");
         }
@@ -185,19 +245,23 @@ impl<'a, 'g, S: Store, Y: System> Api<'a, 'g, S, Y> {
         let Ok(body) = core::str::from_utf8(body) else {
             return Answer::error(400, &"the body is not text (UTF-8)");
         };
-        match caller {
-            Some(caller) => self.run(call, &caller, body).await,
-            None => self.log_in(body).await,
+        match (call, caller) {
+            (Call::Metrics, _) => Answer::ok(Content::Metrics(Metrics::of(parts.headers()))),
+            (_, Some(caller)) => self.run(call, &caller, body).await,
+            (_, None) => self.log_in(body).await,
         }
     }
 
     /// A file of the page. It may be opened from anywhere, but by a name of the gateway.
     fn file(&self, file: &'static page::File, parts: &RequestParts<'_>) -> Answer<'a, 'g> {
         let headers = parts.headers();
-        if let Err(why) = self.gateway.settings(|settings| guard::check_host(headers, settings).map(drop)) {
+        let encrypted = self.terms.encrypted;
+        let host =
+            self.gateway.settings(|settings| guard::check_host(headers, settings, encrypted).map(drop));
+        if let Err(why) = host {
             return foreign(why);
         }
-        if !self.cleartext && !self.peer.is_loopback() {
+        if !self.terms.logs_in {
             return Answer::error(403, &CLEARTEXT);
         }
         if parts.method() != "GET" {
@@ -216,8 +280,12 @@ impl<'a, 'g, S: Store, Y: System> Api<'a, 'g, S, Y> {
         parts: &RequestParts<'_>,
     ) -> Result<(Call, Takes, Option<Caller>), Answer<'a, 'g>> {
         let headers = parts.headers();
-        self.gateway.settings(|settings| guard::check(headers, settings)).map_err(foreign)?;
-        if !self.cleartext && !self.peer.is_loopback() {
+        let encrypted = self.terms.encrypted;
+        self.gateway.settings(|settings| guard::check(headers, settings, encrypted)).map_err(foreign)?;
+        if path == METRICS && self.terms.metrics && parts.method() == "GET" {
+            return Ok((Call::Metrics, Takes::Nothing, None));
+        }
+        if !self.terms.logs_in {
             return Err(Answer::error(403, &CLEARTEXT));
         }
         if !ROUTES.iter().any(|(known, ..)| *known == path) {
@@ -279,6 +347,7 @@ impl Takes {
             Self::Nothing => return Ok(()),
             Self::Lines => "text/plain",
             Self::Json => "application/json",
+            Self::Image => "application/octet-stream",
         };
         let told = parts.headers().get("content-type");
         let told = told.as_ref().and_then(|told| told.as_str().ok()).unwrap_or_default();

@@ -7,11 +7,13 @@ use heapless::{String, Vec};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 
-use super::answer::{Answer, Content, Part};
+use super::answer::{Answer, Content, Part, TEXT_BYTES_MAX};
 use super::api::{Api, Call, Caller};
 use super::candidate::{self, Unchanged};
 use super::json::Quoted;
+use super::lines::{Lines, Untaken};
 use super::session::{COOKIE, Shown};
+use super::settings::{Schema, Written};
 use super::status::Status;
 use crate::console::access::{self, Ask, Denied, NotAsked};
 use crate::gateway::audit::Topic;
@@ -21,15 +23,15 @@ use crate::gateway::direct_request::DirectRequestError;
 use crate::gateway::enter::Refused;
 use crate::gateway::web::Token;
 use crate::gateway::{Candidate, Credential};
-use crate::hal::{Store, System};
+use crate::hal::{Store, System, Update};
 use crate::settings::Name;
 
 /// Fits each text of a body in which characters are escaped.
 const UNESCAPED_BYTES_MAX: usize = 256;
 /// Values of a write.
 pub(super) const VALUES_MAX: usize = 128;
-/// Fits the line of a request with so many values.
-pub(super) type Line = String<4_096>;
+/// Fits the line of a request with so many values; without `long-requests`, with a quarter of them.
+pub(super) type Line = String<{ if cfg!(feature = "long-requests") { 4_096 } else { 1_024 } }>;
 /// A word of such a line.
 pub(super) type Word = String<32>;
 
@@ -84,18 +86,18 @@ pub(super) fn uncommitted<'s, 'g>(error: &Uncommitted) -> Answer<'s, 'g> {
     Answer::error(if matches!(error, Uncommitted::Apply(_)) { 422 } else { 409 }, error)
 }
 
-impl<'a, 'g, S: Store, Y: System> Api<'a, 'g, S, Y> {
+impl<'a, 'g, S: Store, U: Update, Y: System> Api<'a, 'g, S, U, Y> {
     pub(super) async fn run(&self, call: Call, caller: &Caller, body: &str) -> Answer<'a, 'g> {
         match call {
-            // A log-in needs no session.
-            Call::LogIn => Answer::done(),
+            // The first two need no session, and an image is taken as it comes.
+            Call::LogIn | Call::Metrics | Call::Update => Answer::done(),
             Call::Session => {
                 let (user, role) = (Quoted(&caller.name), caller.role);
                 Answer::json(200, format_args!("{{\"user\":{user},\"role\":\"{role}\"}}"))
             }
             Call::LogOut => {
                 self.gateway.web.end(&caller.token);
-                let cookie = format_args!("{COOKIE}=; HttpOnly; SameSite=Strict; Path=/; Max-Age=0");
+                let cookie = format_args!("{COOKIE}=; {}; Max-Age=0", self.cookie_attributes());
                 Answer::done().with_header("Set-Cookie", cookie)
             }
             Call::Status => Answer::ok(Content::Status(Status::new())),
@@ -105,14 +107,18 @@ impl<'a, 'g, S: Store, Y: System> Api<'a, 'g, S, Y> {
                 self.takes_long();
                 Answer::ok(Content::Frames(caller.token))
             }
-            Call::Settings => Answer::ok(Content::Settings { candidate: false, line: 0 }),
-            Call::Candidate => {
-                self.with_candidate(|| Answer::ok(Content::Settings { candidate: true, line: 0 }))
+            Call::Settings(as_json) => Answer::ok(Content::Settings(Written::new(false, as_json))),
+            Call::Candidate(as_json) => {
+                self.with_candidate(|| Answer::ok(Content::Settings(Written::new(true, as_json))))
             }
+            Call::Schema => Answer::ok(Content::Schema(Schema::default())),
             Call::Diff => {
                 self.with_candidate(|| Answer::ok(Content::Diff(Difference::default(), Part::default())))
             }
-            Call::Replace | Call::Change => self.change(body, call == Call::Replace).await,
+            Call::Replace | Call::Change => self.change(Lines::Text(body), call == Call::Replace).await,
+            Call::ReplaceJson | Call::ChangeJson => {
+                self.change(Lines::Json(body), call == Call::ReplaceJson).await
+            }
             Call::Discard => self.of_candidate(Candidate::discard),
             Call::Commit => self.commit(caller, body).await,
             Call::Confirm => self.confirm(caller).await,
@@ -123,6 +129,8 @@ impl<'a, 'g, S: Store, Y: System> Api<'a, 'g, S, Y> {
                 self.gateway.web.stop.signal(());
                 Answer::done()
             }
+            Call::Firmware => self.firmware(),
+            Call::GoBack => self.go_back(caller),
             Call::Versions => self.versions().await,
             Call::BringBack => self.bring_back(caller, body).await,
             Call::Password => self.password(caller, body).await,
@@ -135,7 +143,7 @@ impl<'a, 'g, S: Store, Y: System> Api<'a, 'g, S, Y> {
             Ok(log_in) => log_in,
             Err(refusal) => return refusal,
         };
-        // A longer name is nobody's either.
+        // No user has a longer name.
         let name = Name::try_from(user.as_str()).unwrap_or_default();
         let gateway = self.gateway;
         let _one_at_a_time = gateway.web.log_in.lock().await;
@@ -160,8 +168,16 @@ impl<'a, 'g, S: Store, Y: System> Api<'a, 'g, S, Y> {
         if is_told {
             return Answer::json(200, format_args!("{{{head},\"token\":\"{token}\"}}"));
         }
-        let cookie = format_args!("{COOKIE}={token}; HttpOnly; SameSite=Strict; Path=/");
+        let cookie = format_args!("{COOKIE}={token}; {}", self.cookie_attributes());
         Answer::json(200, format_args!("{{{head}}}")).with_header("Set-Cookie", cookie)
+    }
+
+    /// A page's scripts cannot read the cookie, and no other page sends it.
+    fn cookie_attributes(&self) -> &'static str {
+        match self.terms.encrypted {
+            true => "HttpOnly; SameSite=Strict; Path=/; Secure",
+            false => "HttpOnly; SameSite=Strict; Path=/",
+        }
     }
 
     fn of_candidate(&self, run: impl FnOnce(&Candidate) -> Result<(), Uncommitted>) -> Answer<'a, 'g> {
@@ -180,9 +196,9 @@ impl<'a, 'g, S: Store, Y: System> Api<'a, 'g, S, Y> {
         }
     }
 
-    async fn change(&self, lines: &str, replaces: bool) -> Answer<'a, 'g> {
+    async fn change(&self, lines: Lines<'_>, replaces: bool) -> Answer<'a, 'g> {
         // As many as fit.
-        let mut warnings = String::<1_536>::new();
+        let mut warnings = String::<{ TEXT_BYTES_MAX * 3 / 4 }>::new();
         let mut warn = |line: usize, warning: &crate::language::Warning| {
             let length = warnings.len();
             let comma = if warnings.is_empty() { "" } else { "," };
@@ -193,10 +209,10 @@ impl<'a, 'g, S: Store, Y: System> Api<'a, 'g, S, Y> {
         };
         match candidate::change(self.gateway, lines, replaces, &mut warn).await {
             Ok(count) => Answer::json(200, format_args!("{{\"changes\":{count},\"warnings\":[{warnings}]}}")),
-            Err(Unchanged::Line(number, error)) => {
-                let line = lines.lines().nth(number - 1).unwrap_or_default();
-                Answer::wrong_line(Some(number), line, &error)
+            Err(Unchanged::Untaken(Untaken::Line(number, line, error))) => {
+                Answer::wrong_line(Some(number), &line, &error)
             }
+            Err(Unchanged::Untaken(error)) => Answer::error(400, &error),
             Err(Unchanged::Uncommitted(error)) => uncommitted(&error),
         }
     }

@@ -1,14 +1,16 @@
 //! Lines that change the candidate, all or none.
 
+use super::lines::{Lines, Untaken};
 use crate::gateway::commit::Uncommitted;
 use crate::gateway::{Gateway, reconfigure};
-use crate::language::{LineError, apply};
+use crate::language::apply;
 use crate::settings::Settings;
 
 /// Why nothing was changed.
+// Passed on once, and there is no heap for the larger one.
+#[allow(clippy::large_enum_variant)]
 pub(super) enum Unchanged {
-    /// An error in a line, by its number from 1.
-    Line(usize, LineError),
+    Untaken(Untaken),
     Uncommitted(Uncommitted),
 }
 
@@ -18,11 +20,11 @@ impl From<Uncommitted> for Unchanged {
     }
 }
 
-/// Changes the candidate by the lines of `text`, or makes it of them alone if that `replaces` it; begins one where there is none.
+/// Changes the candidate by `lines`, or makes it of them alone if that `replaces` it; begins one where there is none.
 /// Passes on what is likely a mistake. A user who keeps the name keeps the password: nobody was shown its hash.
 pub(super) async fn change(
     gateway: &Gateway<'_>,
-    text: &str,
+    lines: Lines<'_>,
     replaces: bool,
     warn: &mut dyn FnMut(usize, &crate::language::Warning),
 ) -> Result<usize, Unchanged> {
@@ -39,20 +41,18 @@ pub(super) async fn change(
         draft.clear();
     }
     let mut count = 0;
-    for (nth, line) in text.lines().enumerate() {
-        match apply(&mut draft, line) {
-            Ok(applied) => {
-                count += usize::from(applied.changed);
-                applied.warning.iter().for_each(|warning| warn(nth + 1, warning));
-            }
-            Err(error) => {
-                drop(settings);
-                if begins {
-                    candidate.discard()?;
-                }
-                return Err(Unchanged::Line(nth + 1, error));
-            }
+    let taken = lines.each(&mut |number, line| {
+        let applied = apply(&mut draft, line)?;
+        count += usize::from(applied.changed);
+        applied.warning.iter().for_each(|warning| warn(number, warning));
+        Ok(())
+    });
+    if let Err(untaken) = taken {
+        drop(settings);
+        if begins {
+            candidate.discard()?;
         }
+        return Err(Unchanged::Untaken(untaken));
     }
     keep_passwords(&mut draft, &settings);
     settings.clone_from(&draft);

@@ -13,7 +13,7 @@ use crate::console::access::{self, Denied, NotBegun, Running};
 use crate::gateway::audit::Topic;
 use crate::gateway::commit::Uncommitted;
 use crate::gateway::reconfigure;
-use crate::hal::{Store, System};
+use crate::hal::{Store, System, Update};
 use crate::routing::Decision;
 use crate::settings::{ClientRole, Name};
 
@@ -140,12 +140,12 @@ fn is_range(word: &Word) -> bool {
     word.bytes().all(|byte| byte.is_ascii_digit() || byte == b'-')
 }
 
-/// Whose words are no words, or too many.
+/// A body whose fields are no words of a line, or too many.
 fn no_line<'s, 'g>() -> Answer<'s, 'g> {
     Answer::error(422, &"port, units, point and from are one word each")
 }
 
-impl<'a, 'g, S: Store, Y: System> Api<'a, 'g, S, Y> {
+impl<'a, 'g, S: Store, U: Update, Y: System> Api<'a, 'g, S, U, Y> {
     pub(super) async fn command(&self, call: Call, caller: &Caller, body: &str) -> Answer<'a, 'g> {
         let line = match call {
             Call::Scan => parse(body).map(|scan: Scan| scan.line()),

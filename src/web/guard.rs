@@ -1,8 +1,8 @@
 //! Refuses requests that a page of another origin makes a browser send.
 //!
-//! A browser says whom it means to reach (`Host`), and whose page it was (`Origin`, `Sec-Fetch-Site`). A name that leads here by an
-//! attacker's DNS (rebinding) is none of the gateway's: it is known by its addresses, as `localhost`, and by the name that the settings
-//! give it for mDNS. Of state-changing requests with a cookie the origin must be told.
+//! A browser names the host it addresses (`Host`) and the origin of the page (`Origin`, `Sec-Fetch-Site`). Against DNS rebinding, only the
+//! gateway's addresses, `localhost` and its mDNS name are accepted as hosts. State-changing requests with a cookie must name their
+//! origin.
 
 use core::net::IpAddr;
 
@@ -31,19 +31,24 @@ fn only<'r>(headers: Headers<'r>, name: &str) -> Result<Option<&'r str>, ()> {
     value.map(|value| value.as_str().map_err(|_| ())).transpose()
 }
 
-/// Checks the host of a request, and returns it.
-pub(super) fn check_host<'r>(headers: Headers<'r>, settings: &Settings) -> Result<&'r str, Foreign> {
-    let host = only(headers, "host").ok().flatten().filter(|host| is_own(host, settings));
+/// Checks the host of a request, and returns it. With TLS (`encrypted`) it may be any: the browser has checked it against the
+/// certificate.
+pub(super) fn check_host<'r>(
+    headers: Headers<'r>,
+    settings: &Settings,
+    encrypted: bool,
+) -> Result<&'r str, Foreign> {
+    let host = only(headers, "host").ok().flatten().filter(|host| encrypted || is_own(host, settings));
     host.ok_or(Foreign::Host)
 }
 
 /// Checks the host and the origin of a request.
-pub(super) fn check(headers: Headers<'_>, settings: &Settings) -> Result<(), Foreign> {
-    let host = check_host(headers, settings)?;
+pub(super) fn check(headers: Headers<'_>, settings: &Settings, encrypted: bool) -> Result<(), Foreign> {
+    let host = check_host(headers, settings, encrypted)?;
     let origin = only(headers, "origin").map_err(|()| Foreign::Origin)?;
     let is_same = |origin: &str| {
         let (scheme, from) = origin.split_once("://").unwrap_or_default();
-        scheme == "http" && from.eq_ignore_ascii_case(host)
+        scheme == if encrypted { "https" } else { "http" } && from.eq_ignore_ascii_case(host)
     };
     let site = only(headers, "sec-fetch-site").map_err(|()| Foreign::Origin)?;
     let is_near = site.is_none_or(|site| site == "same-origin" || site == "none");

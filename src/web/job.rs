@@ -1,7 +1,5 @@
 //! Work that takes a while, whose text is sent as it comes: `scan` and `tune`, and the frames of the lines as a file.
 
-use core::convert::Infallible;
-
 use embassy_time::{Duration, Instant, Timer};
 use embedded_io_async::{ErrorType, Write};
 use heapless::Vec;
@@ -14,8 +12,8 @@ use crate::capture::Export;
 use crate::console::access::Running;
 use crate::gateway::web::Token;
 
-/// Fits a frame with what precedes and follows it in the file, and the beginning of the file.
-const FRAME_BYTES_MAX: usize = 2_048;
+/// Bytes of the file that are sent at a time.
+const PIECE_BYTES: usize = 1_024;
 /// Interval of looking for frames.
 const FRAMES_PAUSE: Duration = Duration::from_millis(50);
 /// Longest time without a byte.
@@ -42,21 +40,19 @@ pub(super) async fn frames<W: Stream>(
     token: &Token,
     writer: &mut ChunkWriter<W>,
 ) -> Result<(), W::Error> {
-    let mut buffer = Buffer(Vec::new());
+    let mut out = Buffered { bytes: Vec::new(), writer };
     // `admit` has refused it where there is no capture.
-    let Ok(Some(mut export)) = Export::begin(source.gateway, &mut buffer).await else { return Ok(()) };
+    let Some(mut export) = Export::begin(source.gateway, &mut out).await? else { return Ok(()) };
     let mut told = Instant::now();
     loop {
-        if !buffer.0.is_empty() {
-            writer.write_chunk(&buffer.0).await?;
-            buffer.0.clear();
+        if !out.bytes.is_empty() {
+            out.flush().await?;
             told = Instant::now();
         }
-        let Ok(is_one) = export.write_next(&mut buffer).await;
-        if !is_one {
+        if !export.write_next(&mut out).await? {
             // Only what is written shows that nobody reads any more.
             if told.elapsed() >= SIGN_OF_LIFE {
-                let Ok(()) = export.write_lost(&mut buffer).await;
+                export.write_lost(&mut out).await?;
             }
             if session::user(source.gateway, token, false).is_none() {
                 return Ok(());
@@ -66,21 +62,31 @@ pub(super) async fn frames<W: Stream>(
     }
 }
 
-/// Bytes that are sent at once.
-struct Buffer(Vec<u8, FRAME_BYTES_MAX>);
-
-impl ErrorType for Buffer {
-    type Error = Infallible;
+/// Gathers bytes into chunks.
+struct Buffered<'w, W: Stream> {
+    bytes: Vec<u8, PIECE_BYTES>,
+    writer: &'w mut ChunkWriter<W>,
 }
 
-impl Write for Buffer {
-    async fn write(&mut self, from: &[u8]) -> Result<usize, Infallible> {
-        // Sized for what is written.
-        let _ = self.0.extend_from_slice(from);
-        Ok(from.len())
+impl<W: Stream> ErrorType for Buffered<'_, W> {
+    type Error = W::Error;
+}
+
+impl<W: Stream> Write for Buffered<'_, W> {
+    async fn write(&mut self, from: &[u8]) -> Result<usize, W::Error> {
+        if self.bytes.is_full() {
+            self.flush().await?;
+        }
+        let room = self.bytes.capacity() - self.bytes.len();
+        let now = from.get(..room).unwrap_or(from);
+        // It fits.
+        let _ = self.bytes.extend_from_slice(now);
+        Ok(now.len())
     }
 
-    async fn flush(&mut self) -> Result<(), Infallible> {
+    async fn flush(&mut self) -> Result<(), W::Error> {
+        self.writer.write_chunk(&self.bytes).await?;
+        self.bytes.clear();
         Ok(())
     }
 }

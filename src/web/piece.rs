@@ -1,12 +1,15 @@
 //! Pieces of an answer, and what they are made of.
 
 use heapless::String;
+use heapless::string::StringView;
 
 use crate::gateway::Gateway;
 use crate::hal::System;
 
-/// Fits the longest piece: the 2000 bits of a point.
-pub(super) type Piece = String<6_144>;
+/// A piece. Most fit into a connection's own memory; a longer one is written in that of [`crate::gateway::web::Web::long_piece`].
+pub(super) type Piece = StringView;
+/// A connection's own memory for pieces.
+pub(super) type ShortPiece = String<1_024>;
 
 /// What answers are made of.
 #[derive(Clone, Copy)]

@@ -122,12 +122,12 @@ fn row(
     source: &Source<'_, '_>,
     show: Show,
     place: usize,
-    out: &mut Piece,
+    mut out: &mut Piece,
 ) -> Result<Option<bool>, fmt::Error> {
     let mut heading = Heading::new();
     let Source { gateway, system } = *source;
     access::row(gateway, system, show, 0, &mut heading).transpose()?;
-    let mut row = Row::new(out, &heading);
+    let mut row = Row::new(&mut out, &heading);
     match access::row(gateway, system, show, place, &mut row).transpose()? {
         Some(()) => row.finish().map(Some),
         None => Ok(None),

@@ -1,9 +1,11 @@
 //! A board's stream and clock as picoserve wants them.
 
 use core::cell::Cell;
+use core::future::pending;
 
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::mutex::Mutex;
+use embassy_time::Instant;
 use embedded_io_async::{Error, ErrorKind, ErrorType, Read, Write};
 use picoserve::io::{Socket, Write as LendingWrite};
 use picoserve::mem::{BorrowedBuffer, BorrowedCursor};
@@ -12,22 +14,66 @@ use picoserve::{Timeouts, Timer};
 
 use crate::hal::TcpStream;
 
-/// Bytes of a request: its head, and its body.
-pub(super) const REQUEST_BYTES_MAX: usize = 16 * 1_024;
+/// Bytes of a request: its head, and its body. A browser's head takes 1 KiB at most.
+pub(super) const REQUEST_BYTES_MAX: usize = if cfg!(feature = "long-requests") { 16 * 1_024 } else { 2_560 };
 /// Bytes read of a connection: what comes behind a request of the largest size is not read, and its sender gets an answer.
 const READ_BYTES_MAX: usize = 2 * REQUEST_BYTES_MAX;
-/// Bytes of a response written at a time.
-const PIECE_BYTES: usize = 1_024;
+/// Bytes of a response's head written at a time.
+const PIECE_BYTES: usize = 256;
 
 /// The executor.
 pub(super) struct Embassy;
 
-/// The clock.
-pub(super) struct Clock;
+/// How long a connection lives, and what it may send; a call may ask for more than is usual.
+pub(super) struct Life {
+    end: Cell<Instant>,
+    /// Bytes that may still be read.
+    left: Cell<usize>,
+    /// Its request may take as long as the connection lives.
+    takes_upload: Cell<bool>,
+    /// The gateway restarts behind it.
+    pub(super) restarts: Cell<bool>,
+}
 
-impl Timer<Embassy> for Clock {
-    fn delay(&self, duration: Duration) -> impl Future<Output = ()> {
-        embassy_time::Timer::after_millis(duration.as_millis())
+impl Life {
+    pub(super) fn new(age: embassy_time::Duration) -> Self {
+        Self {
+            end: Cell::new(Instant::now() + age),
+            left: Cell::new(READ_BYTES_MAX),
+            takes_upload: Cell::new(false),
+            restarts: Cell::new(false),
+        }
+    }
+
+    /// Waits until its end, which may be moved meanwhile.
+    pub(super) async fn is_over(&self) {
+        while Instant::now() < self.end.get() {
+            embassy_time::Timer::at(self.end.get()).await;
+        }
+    }
+
+    /// It ends after this time.
+    pub(super) fn lasts(&self, time: embassy_time::Duration) {
+        self.end.set(Instant::now() + time);
+    }
+
+    /// A body of so many bytes comes, and whoever takes it watches the time.
+    pub(super) fn takes_upload(&self, bytes: usize) {
+        self.left.set(self.left.get().saturating_add(bytes));
+        self.takes_upload.set(true);
+    }
+}
+
+/// The clock of a connection.
+pub(super) struct Clock<'l>(pub(super) &'l Life);
+
+impl Timer<Embassy> for Clock<'_> {
+    async fn delay(&self, duration: Duration) {
+        embassy_time::Timer::after_millis(duration.as_millis()).await;
+        if self.0.takes_upload.get() {
+            // The connection ends instead.
+            pending().await
+        }
     }
 }
 
@@ -45,13 +91,12 @@ impl Error for Lost {
 /// A stream in two halves, which are not used at once: a request is read before its response is written.
 pub(super) struct Halves<'s, T> {
     stream: Mutex<NoopRawMutex, &'s mut T>,
-    /// Bytes that may still be read.
-    left: Cell<usize>,
+    life: &'s Life,
 }
 
 impl<'s, T> Halves<'s, T> {
-    pub(super) fn new(stream: &'s mut T) -> Self {
-        Self { stream: Mutex::new(stream), left: Cell::new(READ_BYTES_MAX) }
+    pub(super) fn new(stream: &'s mut T, life: &'s Life) -> Self {
+        Self { stream: Mutex::new(stream), life }
     }
 }
 
@@ -64,10 +109,10 @@ impl<T> ErrorType for Half<'_, '_, T> {
 
 impl<T: TcpStream> Read for Half<'_, '_, T> {
     async fn read(&mut self, into: &mut [u8]) -> Result<usize, Lost> {
-        let most = into.len().min(self.0.left.get());
+        let most = into.len().min(self.0.life.left.get());
         let Some(into) = into.get_mut(..most).filter(|into| !into.is_empty()) else { return Ok(0) };
         let count = self.0.stream.lock().await.read(into).await.map_err(|_| Lost)?;
-        self.0.left.set(self.0.left.get().saturating_sub(count));
+        self.0.life.left.set(self.0.life.left.get().saturating_sub(count));
         Ok(count)
     }
 }

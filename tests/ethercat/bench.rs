@@ -48,8 +48,10 @@ pub(crate) fn with_ethercrab(
 ) {
     let mut world = World::new(1);
     let line = line_of(device);
-    let (esc, interrupt) = direct(line.borrow().chip(0));
-    spawn(&world, SubDevice::new(device, esc, application), interrupt);
+    let chip = line.borrow().chip(0);
+    let signals = note_pulses(&world, &chip, Duration::MIN);
+    let (esc, interrupt) = direct(chip);
+    spawn(&world, SubDevice::new(device, esc, application).with_sync(Some(signals)), interrupt);
     with_master(&mut world, cable(line), script);
 }
 

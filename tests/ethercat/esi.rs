@@ -269,7 +269,13 @@ fn each_slave_of_the_settings_is_a_module_beside_common_ones_with_its_start_up_l
     assert_eq!(idents.len(), modules.len(), "a tool tells all apart");
 
     let (_, first) = modules[0];
-    let commands = first.descendants().filter(|node| node.has_tag_name("InitCmd"));
+    has_its_start_up_list(first);
+    has_its_objects(first);
+    slots_are_of_the_modular_devices(&document);
+}
+
+fn has_its_start_up_list(module: Node<'_, '_>) {
+    let commands = module.descendants().filter(|node| node.has_tag_name("InitCmd"));
     let commands: Vec<_> = commands
         .map(|command| {
             let index = child(command, "Index").unwrap();
@@ -283,8 +289,10 @@ fn each_slave_of_the_settings_is_a_module_beside_common_ones_with_its_start_up_l
     assert_eq!(commands[5], (6, "0800", "NumInRegisters"));
     assert_eq!(commands[13], (14, "04", "TypeOfInRegisters"));
     assert_eq!(commands[15], (16, "01", "Order"));
+}
 
-    let dictionary = first.descendants().find(|node| node.has_tag_name("Objects")).unwrap();
+fn has_its_objects(module: Node<'_, '_>) {
+    let dictionary = module.descendants().find(|node| node.has_tag_name("Objects")).unwrap();
     let objects: Vec<_> = dictionary.children().filter(|node| node.has_tag_name("Object")).collect();
     let indices: Vec<_> = objects.iter().map(|object| text(*object, "Index")).collect();
     assert_eq!(
@@ -295,12 +303,14 @@ fn each_slave_of_the_settings_is_a_module_beside_common_ones_with_its_start_up_l
         assert_eq!(child(object, "Index").unwrap().attribute("DependOnSlot"), Some("1"));
     }
 
-    let entries = first.descendants().filter(|node| node.has_tag_name("Entry"));
+    let entries = module.descendants().filter(|node| node.has_tag_name("Entry"));
     let entries: Vec<_> = entries.map(|entry| (text(entry, "Name"), text(entry, "DataType"))).collect();
     assert_eq!(entries[..2], [("Coil 1", "BOOL"), ("Coil 2", "BOOL")]);
     assert!(entries.contains(&("Input register 4", "REAL")), "{entries:?}");
     assert!(entries.contains(&("Holding register 3", "INT")));
+}
 
+fn slots_are_of_the_modular_devices(document: &Document<'_>) {
     let slots = document.descendants().filter(|node| node.has_tag_name("Slots")).collect::<Vec<_>>();
     assert_eq!(slots.len(), 2, "of the modular devices");
     for (slots, modular) in slots.into_iter().zip([&MODULAR, &LONG_MODULAR]) {

@@ -6,6 +6,7 @@ use mobgate_clock as _;
 mod bench;
 mod boot;
 mod chip_resets;
+mod clocks;
 mod controllers;
 mod documents;
 mod esc_masters;

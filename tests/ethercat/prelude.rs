@@ -24,7 +24,7 @@ pub(crate) use mobgate_simulator::lan9252::Timing;
 pub(crate) use mobgate_simulator::random::each_seed;
 pub(crate) use mobgate_simulator::rig::{settings_of, with_gateway};
 pub(crate) use mobgate_simulator::sub_device::{
-    Dispatcher, Group, Paced, SharedEcho, cable, direct, image, line_of, spawn, with_master,
+    Dispatcher, Group, Paced, SharedEcho, cable, direct, image, line_of, note_pulses, spawn, with_master,
 };
 pub(crate) use mobgate_simulator::{Fault, Faults, Lan9252, Random, World};
 pub(crate) use roxmltree::{Document, Node};

@@ -47,3 +47,4 @@ mod tune;
 mod units;
 mod update;
 mod visitors;
+mod web_update;

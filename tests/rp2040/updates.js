@@ -127,13 +127,23 @@ function startWithCuts({ bench: { board, console: terminal } }, next, random) {
   return board.restarts.length - before;
 }
 
-for (let seed = SEED; seed < SEED + SWAPS; seed++) {
-  test(`power cuts of a swap and of the way back leave a whole image, seed ${seed}`, () => {
+/** Numbers of operations by `seed`: a page is copied anew after a cut, so half of the cuts come later than its end. */
+function some(seed) {
+  const random = numbers(seed);
+  return { name: `seed ${seed}`, random, next: () => Math.floor(random() * 2 * PAGE_OPERATIONS) };
+}
+
+/** The numbers of a page's operations, one after the other, and of the first one of the next page; and so on. */
+function each() {
+  let nth = 0;
+  return { name: 'each operation', random: numbers(SEED), next: () => nth++ % (PAGE_OPERATIONS + 1) };
+}
+
+const all = process.env.MOBGATE_CUTS === 'all' ? [each()] : [];
+for (const { name: which, random, next } of [...Array.from({ length: SWAPS }, (_, nth) => some(SEED + nth)), ...all]) {
+  test(`power cuts of a swap and of the way back leave a whole image, ${which}`, () => {
     const prepared = prepare();
     const { bench, flash, old, other } = prepared;
-    const random = numbers(seed);
-    // A page is copied anew after a cut: half of the cuts come later than its end.
-    const next = () => Math.floor(random() * 2 * PAGE_OPERATIONS);
     stage(flash, other);
     const cuts = startWithCuts(prepared, next, random);
     // If the power fails in the last operation, the swap may be over, and that is the end of the trial.

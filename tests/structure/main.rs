@@ -1,4 +1,5 @@
-//! The shape of the sources: who imports whom, in the core held against the floors, and how long files and functions are.
+//! The shape of the sources: who imports whom, in the core held against the floors, and how long files and functions are in the whole
+//! repository.
 
 use std::path::{Path, PathBuf};
 
@@ -8,11 +9,13 @@ mod source;
 
 use floors::FLOORS;
 
-/// Most lines of a file, and of a function from its signature to its end.
+/// Most lines of a file other than tests, and of any function from its signature to its end.
 const FILE_LINES_MAX: usize = 400;
 const FUNCTION_LINES_MAX: usize = 60;
+/// Most lines of a board's `main.rs`: what boards share is in libraries.
+const BOARD_LINES_MAX: usize = 99;
 
-/// The first files of the crates that are held to it, the core's in front.
+/// The first files of the crates in which no files import each other in a circle, the core's in front.
 const CRATES: &[&str] = &[
     "src/lib.rs",
     "ethercat/description/src/lib.rs",
@@ -76,19 +79,41 @@ fn floor(file: &Path) -> usize {
 
 #[test]
 fn no_file_and_no_function_is_longer_than_a_reader_follows() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let files = source::files(root);
+    assert!(files.len() > 900, "of the whole repository");
     let mut faults = Vec::new();
-    for of_crate in CRATES {
-        for module in source::modules(&first_file(of_crate)).values() {
-            let long = module.functions.iter().filter(|(_, lines)| *lines > FUNCTION_LINES_MAX);
-            let file = module.file.display();
-            faults.extend(long.map(|(name, lines)| format!("{of_crate}: {file}: {name} has {lines} lines")));
+    for file in files {
+        let text = std::fs::read_to_string(&file).unwrap();
+        let file = file.strip_prefix(root).unwrap();
+        let lines = text.lines().count();
+        if lines > FILE_LINES_MAX && !is_test(file) {
+            faults.push(format!("{} has {lines} lines", file.display()));
         }
-        for file in source::files(first_file(of_crate).parent().unwrap()) {
-            let lines = std::fs::read_to_string(&file).unwrap().lines().count();
-            if lines > FILE_LINES_MAX {
-                faults.push(format!("{} has {lines} lines", file.display()));
-            }
-        }
+        let functions = source::functions(&text).into_iter();
+        let long = functions.filter(|(_, lines)| *lines > FUNCTION_LINES_MAX);
+        faults.extend(long.map(|(name, lines)| format!("{}: {name} has {lines} lines", file.display())));
     }
+    assert_none("too long", &faults);
+}
+
+/// Whether a file is of the tests beside a crate's sources; a long one of these lists many cases of one thing.
+fn is_test(file: &Path) -> bool {
+    let room = file.iter().find(|folder| *folder == "src" || *folder == "tests");
+    room.is_some_and(|room| room == "tests")
+}
+
+#[test]
+fn no_main_of_a_board_is_longer_than_its_own_things() {
+    let boards = Path::new(env!("CARGO_MANIFEST_DIR")).join("boards");
+    let folders: Vec<PathBuf> = boards.read_dir().unwrap().map(|entry| entry.unwrap().path()).collect();
+    // The others have no memory of their own: libraries, and the Linux program.
+    let boards: Vec<_> = folders.iter().filter(|folder| folder.join("regions.x").exists()).collect();
+    let lines = |board: &Path| std::fs::read_to_string(board.join("src/main.rs")).unwrap().lines().count();
+    let counted = boards.iter().map(|board| (board.display(), lines(board)));
+    let long = counted.filter(|(_, lines)| *lines > BOARD_LINES_MAX);
+    let faults: Vec<String> =
+        long.map(|(board, lines)| format!("{board}: main.rs has {lines} lines")).collect();
+    assert!(boards.len() > 4, "{boards:?}");
     assert_none("too long", &faults);
 }

@@ -29,8 +29,6 @@ pub(crate) struct Module {
     pub(crate) globs: Vec<Names>,
     /// Paths of at least two names that its code mentions.
     pub(crate) mentions: BTreeSet<Names>,
-    /// Functions, with how many lines they have.
-    pub(crate) functions: Vec<(String, usize)>,
 }
 
 /// The modules below `root`, a crate's first file, without those that are compiled for tests alone.
@@ -94,11 +92,6 @@ struct Reader<'m> {
 }
 
 impl Reader<'_> {
-    fn function(&mut self, name: &Ident, whole: impl Spanned, signature: impl Spanned) {
-        let lines = whole.span().end().line - signature.span().start().line + 1;
-        self.module.functions.push((name.to_string(), lines));
-    }
-
     fn import(&mut self, tree: &UseTree, before: &Names, hands_on: bool) {
         let with = |name: &Ident| before.iter().cloned().chain([name.to_string()]).collect::<Names>();
         let names = if hands_on { &mut self.module.exports } else { &mut self.module.imports };
@@ -155,10 +148,7 @@ impl<'a> Visit<'a> for Reader<'_> {
         let name = match item {
             Item::Const(item) => Some(&item.ident),
             Item::Enum(item) => Some(&item.ident),
-            Item::Fn(item) => {
-                self.function(&item.sig.ident, item, &item.sig);
-                Some(&item.sig.ident)
-            }
+            Item::Fn(item) => Some(&item.sig.ident),
             Item::Macro(item) => item.ident.as_ref(),
             Item::Mod(item) if item.content.is_some() && is_for_tests(&item.attrs) => return,
             Item::Static(item) => Some(&item.ident),
@@ -176,16 +166,6 @@ impl<'a> Visit<'a> for Reader<'_> {
         visit::visit_item(self, item);
     }
 
-    fn visit_impl_item_fn(&mut self, function: &'a syn::ImplItemFn) {
-        self.function(&function.sig.ident, function, &function.sig);
-        visit::visit_impl_item_fn(self, function);
-    }
-
-    fn visit_trait_item_fn(&mut self, function: &'a syn::TraitItemFn) {
-        self.function(&function.sig.ident, function, &function.sig);
-        visit::visit_trait_item_fn(self, function);
-    }
-
     fn visit_path(&mut self, path: &'a syn::Path) {
         self.mention(path.segments.iter().map(|segment| segment.ident.to_string()).collect());
         visit::visit_path(self, path);
@@ -197,12 +177,46 @@ impl<'a> Visit<'a> for Reader<'_> {
     }
 }
 
-/// All Rust files below `folder`, those for tests included.
+/// The functions of a file, those for tests included, with how many lines they have from the signature to the end.
+pub(crate) fn functions(text: &str) -> Vec<(String, usize)> {
+    let mut functions = Functions(Vec::new());
+    functions.visit_file(&syn::parse_file(text).unwrap());
+    functions.0
+}
+
+struct Functions(Vec<(String, usize)>);
+
+impl Functions {
+    fn add(&mut self, signature: &syn::Signature, whole: impl Spanned) {
+        let lines = whole.span().end().line - signature.span().start().line + 1;
+        self.0.push((signature.ident.to_string(), lines));
+    }
+}
+
+impl<'a> Visit<'a> for Functions {
+    fn visit_item_fn(&mut self, function: &'a syn::ItemFn) {
+        self.add(&function.sig, function);
+        visit::visit_item_fn(self, function);
+    }
+
+    fn visit_impl_item_fn(&mut self, function: &'a syn::ImplItemFn) {
+        self.add(&function.sig, function);
+        visit::visit_impl_item_fn(self, function);
+    }
+
+    fn visit_trait_item_fn(&mut self, function: &'a syn::TraitItemFn) {
+        self.add(&function.sig, function);
+        visit::visit_trait_item_fn(self, function);
+    }
+}
+
+/// All Rust files below `folder`, those for tests included, without what was built.
 pub(crate) fn files(folder: &Path) -> Vec<PathBuf> {
     let mut files = Vec::new();
     for entry in std::fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();
-        if path.is_dir() {
+        let name = path.file_name().unwrap().to_string_lossy();
+        if path.is_dir() && name != "target" && !name.starts_with('.') {
             files.extend(self::files(&path));
         } else if path.extension().is_some_and(|extension| extension == "rs") {
             files.push(path);

@@ -18,7 +18,7 @@ const TARGET: &str = "thumbv7em-none-eabihf";
 pub(crate) const RP2040: [&str; 1] = ["w5500_evb_pico"];
 
 /// The target that a board names in its `.cargo/config.toml`.
-fn target(board: &str) -> Outcome<String> {
+pub(crate) fn target(board: &str) -> Outcome<String> {
     if board == "core" {
         return Ok(TARGET.into());
     }
@@ -103,25 +103,15 @@ pub(crate) fn run(board: &str, subcommand: &str, arguments: &[String]) -> Outcom
         return Err(format!("no board {board} in boards/"));
     }
     let target = target(board)?;
-    let (mut cargo, rustc) = if has_core(&target) {
-        (command("cargo", &[subcommand]), PathBuf::from("rustc"))
-    } else if has_sources() {
-        let mut cargo = debian_cargo(&[subcommand]);
-        // Boards link crates that name `alloc` without using it; the core must do without.
-        cargo.arg(if core { "-Zbuild-std=core" } else { "-Zbuild-std=core,alloc" });
-        // As rustup's: copies of memory are a tenth of a transaction's instructions.
-        cargo.args(["--config", "profile.release.package.compiler_builtins.opt-level=3"]);
-        // rustup's compiler ships a linker, Debian's does not.
-        let linker = target.replace('-', "_").to_uppercase();
-        cargo.env(format!("CARGO_TARGET_{linker}_LINKER"), "ld.lld");
-        (cargo, debian().join("rustc"))
-    } else {
-        return Err(format!(
-            "no core library for {target}: run 'rustup target add {target}', or on Debian 'cargo xtask install thumb'"
-        ));
-    };
-    // Settings of the host build do not apply; rustup's cargo passes its own compiler on.
-    cargo.env_remove("RUSTC").env_remove("CARGO").env_remove("RUSTFLAGS");
+    // cargo would lint the board's package alone, and none of those that boards share: xtask/rustc lints all.
+    let lints = subcommand == "clippy";
+    let (mut cargo, rustc) = compiler(&target, if lints { "check" } else { subcommand }, core)?;
+    if lints {
+        let clippy = rustc.with_file_name("clippy-driver");
+        cargo
+            .env("MOBGATE_CLIPPY", clippy)
+            .env("CLIPPY_ARGS", "-D__CLIPPY_HACKERY__warnings__CLIPPY_HACKERY__");
+    }
     // The same image wherever it is built.
     cargo.env("RUSTC_WRAPPER", root().join("xtask/rustc"));
     cargo.env("MOBGATE_PUBLIC_KEY", Key::for_images()?.public());
@@ -145,18 +135,45 @@ pub(crate) fn run(board: &str, subcommand: &str, arguments: &[String]) -> Outcom
     tools::run(&mut cargo)?;
     match subcommand {
         "build" if core => tools::built(images(&target).join("libmobgate.rlib")),
-        "build" => {
-            let image = image(board)?;
-            tools::built(&image)?;
-            let boot = if has_boot_loader(board) { Some(boot_loader(board)?) } else { None };
-            let is_rp2040 = RP2040.contains(&board);
-            // The boot loader is the beginning.
-            let all: Vec<&Path> = boot.as_deref().into_iter().chain([image.as_path()]).collect();
-            tools::built(if is_rp2040 { write_uf2(&image, &all)? } else { write_flat(&image, &all)? })?;
-            update::write(&image)?.map_or(Ok(()), tools::built)
-        }
+        "build" => write_files(board),
         _ => Ok(()),
     }
+}
+
+/// cargo with the compiler that builds for a target, and that compiler.
+fn compiler(target: &str, subcommand: &str, core: bool) -> Outcome<(Command, PathBuf)> {
+    let (mut cargo, rustc) = if has_core(target) {
+        (command("cargo", &[subcommand]), PathBuf::from("rustc"))
+    } else if has_sources() {
+        let mut cargo = debian_cargo(&[subcommand]);
+        // Boards link crates that name `alloc` without using it; the core must do without.
+        cargo.arg(if core { "-Zbuild-std=core" } else { "-Zbuild-std=core,alloc" });
+        // As rustup's: copies of memory are a tenth of a transaction's instructions.
+        cargo.args(["--config", "profile.release.package.compiler_builtins.opt-level=3"]);
+        // rustup's compiler ships a linker, Debian's does not.
+        let linker = target.replace('-', "_").to_uppercase();
+        cargo.env(format!("CARGO_TARGET_{linker}_LINKER"), "ld.lld");
+        (cargo, debian().join("rustc"))
+    } else {
+        return Err(format!(
+            "no core library for {target}: run 'rustup target add {target}', or on Debian 'cargo xtask install thumb'"
+        ));
+    };
+    // Settings of the host build do not apply; rustup's cargo passes its own compiler on.
+    cargo.env_remove("RUSTC").env_remove("CARGO").env_remove("RUSTFLAGS");
+    Ok((cargo, rustc))
+}
+
+/// Writes what goes into a board's flash beside the image that was built, and says where.
+fn write_files(board: &str) -> Outcome {
+    let image = image(board)?;
+    tools::built(&image)?;
+    let boot = if has_boot_loader(board) { Some(boot_loader(board)?) } else { None };
+    // The boot loader is the beginning.
+    let all: Vec<&Path> = boot.as_deref().into_iter().chain([image.as_path()]).collect();
+    let is_rp2040 = RP2040.contains(&board);
+    tools::built(if is_rp2040 { write_uf2(&image, &all)? } else { write_flat(&image, &all)? })?;
+    update::write(&image)?.map_or(Ok(()), tools::built)
 }
 
 /// An image without EtherCAT, and with users and the audit trail.
@@ -260,17 +277,17 @@ pub(crate) fn remapped(rustc: &Path) -> impl Iterator<Item = PathBuf> {
     std::iter::once(root().to_owned()).chain(registries).chain(library)
 }
 
-/// Checks the Linux program for two ARM targets. Needs no prebuilt target; linking would need a cross linker and C libraries.
-pub(crate) fn arm() -> Outcome {
+/// Checks the Linux program for these ARM targets. Needs no prebuilt target; linking would need a cross linker and C libraries.
+pub(crate) fn arm(targets: &[String]) -> Outcome {
     if !has_sources() {
         return Err("Debian's compiler is missing: cargo xtask install arm".into());
     }
-    for target in ["aarch64-unknown-linux-gnu", "armv7-unknown-linux-gnueabihf"] {
+    for target in targets {
         let version = output(&mut command(debian().join("rustc"), &["--version"]))?;
         println!("Linux program for {target} with {}", version.trim());
         let mut cargo =
             debian_cargo(&["check", "--locked", "--package", "mobgate-linux", "--bin", "mobgate"]);
-        cargo.args(["--target", target, "--target-dir", "target/arm", "-Zbuild-std=std,panic_abort"]);
+        cargo.args(["--target", &**target, "--target-dir", "target/arm", "-Zbuild-std=std,panic_abort"]);
         cargo.env_remove("RUSTC").env_remove("CARGO").env_remove("RUSTFLAGS");
         tools::run(&mut cargo)?;
     }

@@ -1,6 +1,6 @@
-//! Compares printed figures with tests/figures.
+//! Compares printed figures with a list, as tests/figures is.
 //!
-//! A line of tests/figures is the name of a figure, or a name and a bound (`<=1.4`, `>=40`) for one that may miss its target, but
+//! A line of the list is the name of a figure, or a name and a bound (`<=1.4`, `>=40`) for one that may miss its target, but
 //! not this bound. Figures that fall short, are missing, or are not listed are errors.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -9,15 +9,15 @@ use std::path::Path;
 use crate::tools::{Outcome, read};
 
 /// Whether the commands printed all listed figures, and good enough ones.
-pub(crate) fn hold(printed: &Path) -> Outcome {
+pub(crate) fn hold(printed: &Path, list: &Path) -> Outcome {
     let printed =
         std::fs::read_to_string(printed).map_err(|error| format!("{}: {error}", printed.display()))?;
-    let faults = faults(&read("tests/figures")?, &printed);
+    let faults = faults(&read(list)?, &printed);
     faults.iter().for_each(|fault| eprintln!("{fault}"));
     if faults.is_empty() {
         Ok(())
     } else {
-        Err(format!("{} figures are not as tests/figures wants", faults.len()))
+        Err(format!("{} figures are not as {} wants", faults.len(), list.display()))
     }
 }
 
@@ -36,7 +36,7 @@ fn faults(list: &str, printed: &str) -> Vec<String> {
         let ["figure", name, value, .., verdict] = words[..] else { continue };
         seen.insert(name);
         let Some(bound) = expected.get(name) else {
-            faults.push(format!("not in tests/figures: {line}"));
+            faults.push(format!("not listed: {line}"));
             continue;
         };
         if verdict == "short" && !within(value, bound) {
@@ -70,7 +70,7 @@ mod tests {
             [
                 "falls short of <=1.4: figure worse 1.5 x <=1 short",
                 "falls short: figure short 3 x <=1 short",
-                "not in tests/figures: figure new 1 x - ok",
+                "not listed: figure new 1 x - ok",
                 "not printed: missing",
             ]
         );

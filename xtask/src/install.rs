@@ -56,7 +56,7 @@ struct Need {
 
 const DEBIAN_RUST: By = By::Apt(&["rustc-web", "cargo-web", "rust-web-src", "rust-web-clippy", "lld"]);
 
-const NEEDS: [Need; 39] = [
+const NEEDS: [Need; 40] = [
     by_apt(Group::Peers, "mbpoll", &["mbpoll"]),
     by_apt(Group::Package, "mbpoll", &["mbpoll"]),
     by_apt(Group::Peers, "ssh", &["openssh-client"]),
@@ -81,6 +81,9 @@ const NEEDS: [Need; 39] = [
     ),
     need(Group::Peers, "modbus-serial in target/node", By::Own(node), |_| {
         is_installed(PACKAGES, "target/node")
+    }),
+    need(Group::Peers, "promtool", By::Own(promtool), |name| {
+        program(name).is_some() || root().join(PROMTOOL).exists()
     }),
     need(Group::Thumb, "a compiler for a Cortex-M", DEBIAN_RUST, |_| board::has_toolchain()),
     // Debian 12 has 7.2, which is too old for the tests.
@@ -174,7 +177,9 @@ pub(crate) fn all(groups: &[Group], install: bool) -> Outcome {
             By::Apt(_) => {}
             By::Cargo(name) => {
                 println!("installing by cargo: {name}");
-                run(&mut command("cargo", &["install", "--quiet", "--locked", name]))?;
+                // Not optimized: that would take longer than what these have to do.
+                let mut cargo = command("cargo", &["install", "--quiet", "--locked", "--debug", name]);
+                run(cargo.env("CARGO_PROFILE_DEV_DEBUG", "0"))?;
             }
             By::Own(install) => {
                 println!("installing: {}", need.name);
@@ -243,6 +248,8 @@ fn qemu() -> Outcome {
 
 const REQUIREMENTS: &str = "boards/linux/tests/peers/requirements.txt";
 const PACKAGES: &str = "boards/linux/tests/peers/node/package-lock.json";
+/// In the unpacked package.
+const PROMTOOL: &str = "target/promtool/usr/bin/promtool";
 const BROWSER_PACKAGES: &str = "boards/linux/tests/browser/package-lock.json";
 
 /// Beside the tests, where node looks for packages that modules import.
@@ -266,6 +273,15 @@ fn python() -> Outcome {
         ["-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--no-deps", "-r", REQUIREMENTS];
     run(&mut command("target/python/bin/python3", &pip))?;
     note_installed(REQUIREMENTS, "target/python")
+}
+
+/// Unpacked only: the package would run a Prometheus on this machine.
+fn promtool() -> Outcome {
+    let folder = root().join("target/promtool");
+    std::fs::create_dir_all(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
+    run(command("apt-get", &["download", "--quiet", "prometheus"]).current_dir(&folder))?;
+    let unpack = "dpkg-deb --extract prometheus_*.deb . && rm prometheus_*.deb";
+    run(command("sh", &["-c", unpack]).current_dir(&folder))
 }
 
 fn node() -> Outcome {

@@ -7,7 +7,7 @@ use clap::{Args, Parser, Subcommand};
 
 use install::Group;
 use test::Suite;
-use tools::{Outcome, cargo, command, run};
+use tools::{Outcome, command, run};
 
 mod api;
 mod board;
@@ -42,6 +42,9 @@ enum Task {
         /// List what is missing instead of installing it
         #[arg(long)]
         no_install: bool,
+        /// Of the STM32 boards only these, as `nucleo_h743zi`
+        #[arg(long = "board", value_name = "BOARD")]
+        boards: Vec<String>,
         /// Only these tests
         #[arg(default_values = ["workspace", "qemu", "package"])]
         suites: Vec<Suite>,
@@ -67,7 +70,10 @@ enum Task {
     /// Builds the STM32 images and prints their sections, largest symbols and budgets
     Sizes { boards: Vec<String> },
     /// Checks the Linux program for 64-bit and 32-bit ARM
-    Arm,
+    Arm {
+        #[arg(default_values = ["aarch64-unknown-linux-gnu", "armv7-unknown-linux-gnueabihf"])]
+        targets: Vec<String>,
+    },
     /// Builds the Debian package
     Deb,
     /// Runs the emulated board among devices: `qemu figures` and `qemu roles` measure it, `qemu soak N` loads it
@@ -84,7 +90,7 @@ enum Task {
     /// Measures the Linux program on pseudo-terminals, in real time
     #[command(disable_help_flag = true)]
     Pty(Words),
-    /// Counts instructions and system calls of the Linux program
+    /// Counts instructions and system calls of the Linux program; `--no-run` only builds what does
     #[command(disable_help_flag = true)]
     Counts(Words),
     /// Measures third-party gateways beside mobgate, in one run
@@ -129,8 +135,12 @@ enum Task {
     },
     /// Builds boards' images here and in another folder, and compares them
     Reproducible { boards: Vec<String> },
-    /// Compares the figures that commands printed into a file with tests/figures
-    Figures { file: std::path::PathBuf },
+    /// Compares the figures that commands printed into a file with those of a list
+    Figures {
+        file: std::path::PathBuf,
+        #[arg(default_value = "tests/figures")]
+        list: std::path::PathBuf,
+    },
 }
 
 /// Arguments passed on unchanged.
@@ -152,38 +162,37 @@ fn main() -> ExitCode {
 
 fn carry_out(task: Task) -> Outcome {
     match task {
-        Task::Test { no_install, suites } => test::run_all(&suites, !no_install),
+        Task::Test { no_install, boards, suites } => test::run_all(&suites, &boards, !no_install),
         Task::Install { no_install, groups } => install::all(&groups, !no_install),
         Task::Lint => habits::lint(),
         Task::Board { board, command, words } => board::run(&board, &command, &words.words),
         Task::Sizes { boards } => sizes::print(&boards),
-        Task::Arm => board::arm(),
+        Task::Arm { targets } => board::arm(&targets),
         Task::Deb => test::deb().map(drop),
-        Task::Qemu(Words { words }) => {
-            run(cargo("run", &["--quiet", "--package", "mobgate-qemu", "--"]).args(words))
-        }
+        Task::Qemu(Words { words }) => run(&mut command(test::build("mobgate-qemu")?, &words)),
         Task::Packets { count } => {
-            let test = ["--package", "mobgate-qemu", "--test", "qemu", "--", "--nocapture", "ssh::random"];
-            run(cargo("test", &test).env("MOBGATE_PACKETS", count.to_string()))
+            let test = ["--test", "qemu", "--", "--nocapture", "ssh::random"];
+            run(test::tests(&test).env("MOBGATE_PACKETS", count.to_string()))
         }
-        Task::Bench(Words { words }) => run(cargo("bench", &["--package", "mobgate", "--"]).args(words)),
+        Task::Bench(Words { words }) => run(test::bench(&["--package", "mobgate", "--"]).args(words)),
         Task::Pty(Words { words }) => {
-            run(cargo("bench", &["--package", "mobgate-linux", "--bench", "pty", "--"]).args(words))
+            run(test::bench(&["--package", "mobgate-linux", "--bench", "pty", "--"]).args(words))
         }
         Task::Counts(Words { words }) => {
             install::check(&[Group::Counts])?;
             // Without epoll_pwait2, which many versions of valgrind do not know.
             let program = "--quiet --package mobgate-linux --no-default-features --features demo --bench pty";
-            let program: Vec<_> = program.split(' ').collect();
-            run(cargo("bench", &program).args(["--", "counts", "refusals"]).args(words))
+            let mut cargo = test::bench(&program.split(' ').collect::<Vec<_>>());
+            if words != ["--no-run"] {
+                cargo.args(["--", "counts", "refusals"]);
+            }
+            run(cargo.args(words))
         }
         Task::Peers(choice) => peers::measure(&choice),
         Task::Schemathesis(choice) => schemathesis::ask(&choice),
         Task::Libmodbus => run(&mut command("tests/peers/libmodbus", &[""; 0])),
         Task::Fuzz { seconds, targets } => fuzz::all(seconds, &targets),
-        Task::Mutation(Words { words }) => {
-            run(cargo("run", &["--quiet", "--package", "mobgate-mutants", "--"]).args(words))
-        }
+        Task::Mutation(Words { words }) => run(&mut command(test::build("mobgate-mutants")?, &words)),
         Task::UnderLoad(choice) => under_load::run_all(&choice),
         Task::Book { check } => book::make(check),
         Task::Deny => habits::deny(),
@@ -191,7 +200,7 @@ fn carry_out(task: Task) -> Outcome {
         Task::Key { file } => make_key(file),
         Task::Release { rehearsal } => release::build(rehearsal),
         Task::Reproducible { boards } => release::reproducible(&boards),
-        Task::Figures { file } => figures::hold(&file),
+        Task::Figures { file, list } => figures::hold(&file, &list),
     }
 }
 

@@ -10,7 +10,7 @@ use std::path::Path;
 use crate::tools::{Outcome, command, output, root};
 
 /// The parts, and the ends, beginnings or folders of their sources' paths.
-const PARTS: [(&str, &[&str]); 8] = [
+const PARTS: [(&str, &[&str]); 11] = [
     // Late responses: what proves that a unit is in step.
     (
         "in_step",
@@ -98,11 +98,26 @@ const PARTS: [(&str, &[&str]); 8] = [
             "/phc-*/src/",
         ],
     ),
-    // New firmware.
+    // New firmware: from the console, into the flash, and its trial.
     (
         "update",
-        &["/src/hal/update.rs", "/boards/update/src/", "/boards/image/src/", "/embassy-boot-*/", "/salty-*/"],
+        &[
+            "/src/hal/update.rs",
+            "/src/console/update.rs",
+            "/src/console/update/",
+            "/boards/update/src/",
+            "/boards/image/src/",
+            "/boards/firmware/src/trial.rs",
+            "/embassy-boot-*/",
+            "/salty-*/",
+        ],
     ),
+    // Characters that the receive interrupt hands on; other boards had that before.
+    ("relay", &["/boards/common/src/relay.rs"]),
+    // Clients that come in a burst.
+    ("backlog", &["/boards/net/src/backlog.rs", "/boards/net/src/queued.rs", "/boards/net/src/syn.rs"]),
+    // Clients that ask for what is refused are slowed down.
+    ("pace", &["/src/port/server/tcp/window.rs", "/src/gateway/turns.rs"]),
 ];
 
 /// Bytes of each part's instructions in `code`, the addresses of an image's text.
@@ -152,7 +167,7 @@ mod tests {
     /// Renaming a file would change the figures silently.
     #[test]
     fn the_sources_of_the_parts_are_there() {
-        let sources = PARTS.iter().filter(|(part, _)| *part != "update").flat_map(|(_, sources)| *sources);
+        let sources = PARTS.iter().flat_map(|(_, sources)| *sources);
         for source in sources.filter(|source| !source.contains('*')) {
             assert!(root().join(source.trim_start_matches('/')).exists(), "{source}");
         }

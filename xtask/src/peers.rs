@@ -6,7 +6,8 @@ use std::process::Command;
 
 use clap::Args;
 
-use crate::tools::{Outcome, cargo, command, root, run};
+use crate::test;
+use crate::tools::{Outcome, command, root, run};
 
 /// Loads to run.
 #[derive(Args)]
@@ -37,7 +38,7 @@ pub(crate) fn measure(choice: &Choice) -> Outcome {
     if std::env::var_os("MBUSD").is_none() {
         println!("mbusd does not take part: MBUSD does not name one");
     }
-    let mut bench = cargo("bench", &["--quiet", "--package", "mobgate-linux", "--bench", "pty", "--"]);
+    let mut bench = test::bench(&["--quiet", "--package", "mobgate-linux", "--bench", "pty", "--"]);
     bench.args(choice.quick.then_some("--quick")).args(&choice.groups);
     run(bench.env("MOBGATE_PEERS", &peers))
 }

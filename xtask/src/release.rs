@@ -94,19 +94,23 @@ fn copy_checkout(to: &Path) -> Outcome {
     Ok(())
 }
 
-/// Writes the SBOMs of the program and of each image, in CycloneDX.
+/// Writes the SBOMs of the program and of each image, in CycloneDX: of the crates for its processor.
 fn sboms(folder: &Path) -> Outcome {
-    let linux = root().join("boards/linux");
-    let images = habits::workspaces()?.into_iter().filter(|folder| !folder.starts_with(root().join("tests")));
-    for package in std::iter::once(linux).chain(images) {
-        let name = package.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        let mut sbom = command(
-            "cargo-cyclonedx",
-            &["cyclonedx", "--quiet", "--format", "json", "--override-filename", "sbom"],
-        );
-        sbom.arg("--manifest-path").arg(package.join("Cargo.toml"));
+    // cargo-cyclonedx writes one beside the manifest of each package of a workspace.
+    let copy = root().join("target/sbom");
+    if copy.exists() {
+        std::fs::remove_dir_all(&copy).map_err(|error| fault(&copy, &error))?;
+    }
+    copy_checkout(&copy)?;
+    for package in std::iter::once("linux".to_owned()).chain(boards()?) {
+        let of = copy.join("boards").join(&package);
+        let mut sbom = command("cargo-cyclonedx", &["cyclonedx", "--quiet", "--format", "json"]);
+        sbom.args(["--override-filename", "sbom", "--manifest-path"]).arg(of.join("Cargo.toml"));
+        if package != "linux" {
+            sbom.args(["--target", &board::target(&package)?]);
+        }
         run(sbom.envs(date()))?;
-        let (from, to) = (package.join("sbom.json"), folder.join(format!("mobgate-{name}.cdx.json")));
+        let (from, to) = (of.join("sbom.json"), folder.join(format!("mobgate-{package}.cdx.json")));
         std::fs::rename(from, &to).map_err(|error| fault(&to, &error))?;
     }
     Ok(())

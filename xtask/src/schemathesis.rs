@@ -9,7 +9,8 @@ use std::time::{Duration, Instant};
 use clap::Args;
 use serde_json::Value;
 
-use crate::tools::{Outcome, cargo, command, fault, root, run, written};
+use crate::test;
+use crate::tools::{Outcome, command, fault, root, run, written};
 
 /// Number of requests.
 #[derive(Args)]
@@ -60,9 +61,9 @@ pub(crate) fn ask(choice: &Choice) -> Outcome {
         let pip = ["install", "--quiet", "--disable-pip-version-check", VERSION];
         run(&mut command(folder.join("bin/pip"), &pip))?;
     }
-    run(&mut cargo("build", &["--quiet", "--package", "mobgate-linux"]))?;
+    let program = test::build("mobgate")?;
     let (modbus, web) = (free_port()?, free_port()?);
-    let _program = start(&folder, modbus, web)?;
+    let _program = start(&program, &folder, modbus, web)?;
     let token = log_in(web)?;
     let (url, examples) = (format!("http://127.0.0.1:{web}"), choice.examples.to_string());
     let bearer = format!("Authorization: Bearer {token}");
@@ -80,16 +81,15 @@ fn free_port() -> Outcome<u16> {
 }
 
 /// The program, with a unit that it asks.
-fn start(folder: &Path, modbus: u16, web: u16) -> Outcome<Program> {
+fn start(program: &Path, folder: &Path, modbus: u16, web: u16) -> Outcome<Program> {
     let settings = format!(
         "{USER}\nmdns off\nport P502 tcp server 127.0.0.1:{modbus}\nport own tcp client 127.0.0.1:{modbus}\n\
          port web http server 127.0.0.1:{web}\nroute P502 1-9 * * local\n"
     );
     let file = written(folder.join("mobgate.conf"), settings.as_bytes())?;
-    let program = root().join("target/debug/mobgate");
-    let mut started = command(&program, &["--socket", "off", "--config"]);
+    let mut started = command(program, &["--socket", "off", "--config"]);
     started.arg(file).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
-    started.spawn().map(Program).map_err(|error| fault(&program, &error))
+    started.spawn().map(Program).map_err(|error| fault(program, &error))
 }
 
 /// The token of a session.

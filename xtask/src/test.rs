@@ -24,6 +24,8 @@ pub(crate) enum Suite {
     Package,
     /// The web interface's page in a browser
     Browser,
+    /// The same page on the emulated board
+    QemuBrowser,
     /// Random worlds, many times more than in `workspace`
     Torture,
     /// EtherCAT: third-party MainDevices, thousands of cycles and restarts, and the conformance measurements
@@ -39,13 +41,18 @@ impl Suite {
             Self::Rp2040 => &[Group::Rp2040, Group::Thumb],
             Self::Package => &[Group::Package],
             Self::Browser => &[Group::Browser],
+            Self::QemuBrowser => &[Group::Qemu, Group::Thumb, Group::Browser],
             Self::Torture => &[],
         }
     }
 }
 
-/// Runs these suites, after installing or listing what they need.
-pub(crate) fn run_all(suites: &[Suite], install: bool) -> Outcome {
+/// Runs these suites, after installing or listing what they need; of the STM32 boards only `boards`, or all if none are given.
+pub(crate) fn run_all(suites: &[Suite], boards: &[String], install: bool) -> Outcome {
+    let nucleos = board::nucleos()?;
+    if let Some(unknown) = boards.iter().find(|board| !nucleos.contains(board)) {
+        return Err(format!("no STM32 board {unknown}; there are {}", nucleos.join(", ")));
+    }
     // Checked first, before the other suites take their time.
     let as_root = |suite: &Suite| matches!(suite, Suite::Package | Suite::Rp2040);
     if suites.iter().any(as_root) && !may_be_root()? {
@@ -61,19 +68,19 @@ pub(crate) fn run_all(suites: &[Suite], install: bool) -> Outcome {
     if !groups.is_empty() {
         install::all(&groups, install)?;
     }
-    suites.iter().try_for_each(|suite| match suite {
+    suites.iter().try_for_each(|suite| run_one(*suite, boards))
+}
+
+fn run_one(suite: Suite, boards: &[String]) -> Outcome {
+    match suite {
         Suite::Workspace => {
-            run(&mut cargo("test", &["--workspace"]))?;
+            run(&mut tests(&[]))?;
             // The feature set of boards without EtherCAT, plus IPv6: no data points, no captures.
             let core = ["--package", "mobgate", "--lib", "--no-default-features", "--features", "ipv6"];
             run(&mut cargo("test", &core))
         }
-        Suite::Qemu => run(&mut cargo("test", &["--package", "mobgate-qemu", "--test", "qemu"])),
-        Suite::Stm32 => {
-            board::nucleos()?.iter().try_for_each(|board| board::build_all(board))?;
-            // With its figures.
-            run(stm32("test").args(["--", "--nocapture"]))
-        }
+        Suite::Qemu => run(&mut tests(&["--test", "qemu"])),
+        Suite::Stm32 => emulated(boards),
         Suite::Rp2040 => {
             board::RP2040.iter().try_for_each(|board| board::run(board, "build", &[]))?;
             // In a network of its own.
@@ -83,20 +90,28 @@ pub(crate) fn run_all(suites: &[Suite], install: bool) -> Outcome {
         Suite::Package => {
             deb()?;
             // Its demo is the device behind the packaged gateway.
-            run(&mut cargo("build", &["--package", "mobgate-linux", "--bin", "mobgate"]))?;
+            build("mobgate")?;
             run(&mut command("tests/package/run", &[""; 0]))
         }
         // With its figures; the pictures are in target/browser.
         Suite::Browser => {
-            let tests = ["--package", "mobgate-linux", "--test", "browser", "--test", "web"];
-            run(cargo("test", &tests).args(["--", "--nocapture", "in_a_browser", "the_page"]))
+            let words =
+                ["--test", "browser", "--test", "web", "--", "--nocapture", "in_a_browser", "the_page"];
+            run(&mut tests(&words))
         }
-        // Optimised, because a debug build takes a quarter of an hour.
+        Suite::QemuBrowser => run(&mut tests(&["--test", "qemu_browser", "--", "--nocapture"])),
         Suite::Torture => {
-            let tests = ["--profile", "torture", "--test", "gateway", "--test", "ethercat", "torture"];
-            run(cargo("test", &tests)
-                .args(["--", "--nocapture", "--test-threads=2"])
-                .env("MOBGATE_SEEDS", "4000"))
+            let words = [
+                "--test",
+                "gateway",
+                "--test",
+                "ethercat",
+                "torture",
+                "--",
+                "--nocapture",
+                "--test-threads=2",
+            ];
+            run(tests(&words).env("MOBGATE_SEEDS", "4000"))
         }
         Suite::Maindevices => {
             main_devices("1", &["foreign::pysoem", "foreign::soemx", "foreign::in_process"])?;
@@ -108,7 +123,35 @@ pub(crate) fn run_all(suites: &[Suite], install: bool) -> Outcome {
                 &["chip_resets", "the_suite_passes", "statement_58", "statement_39", "thirty_two"],
             )
         }
-    })
+    }
+}
+
+/// Tests of the workspace. One package alone would have its dependencies compiled once more, with fewer features.
+pub(crate) fn tests(words: &[&str]) -> Command {
+    let mut cargo = cargo("test", &["--workspace"]);
+    cargo.args(words);
+    cargo
+}
+
+/// Builds a program of the workspace, likewise.
+pub(crate) fn build(name: &str) -> Outcome<PathBuf> {
+    // Beside a test it has the dependencies that tests have, or else these would be compiled once more.
+    run(&mut cargo("build", &["--quiet", "--workspace", "--test", "structure", "--bin", name]))?;
+    Ok(root().join("target/debug").join(name))
+}
+
+/// Builds the images of these STM32 boards, or of all if none are given, and runs them in the emulator.
+fn emulated(boards: &[String]) -> Outcome {
+    let is_tested = |board: &String| boards.is_empty() || boards.contains(board);
+    let (tested, others): (Vec<_>, Vec<_>) = board::nucleos()?.into_iter().partition(is_tested);
+    tested.iter().try_for_each(|board| board::build_all(board))?;
+    // With its figures. Tests have a chip in their names: f429 is that of the nucleo_f429zi.
+    let mut cargo = stm32("test");
+    cargo.args(["--", "--nocapture"]);
+    for board in &others {
+        cargo.arg("--skip").arg(board.trim_start_matches("nucleo_").trim_end_matches("zi"));
+    }
+    run(&mut cargo)
 }
 
 /// cargo for the emulator of the STM32 boards, a workspace of its own.
@@ -139,20 +182,31 @@ fn is_root() -> Outcome<bool> {
 
 /// Each test exchanges process data 100 000 times and restarts 500 times, without a single failure; `at_a_time` run in parallel.
 fn main_devices(at_a_time: &str, tests: &[&str]) -> Outcome {
-    let mut cargo = cargo("test", &["--test", "ethercat", "--", "--nocapture", "--test-threads", at_a_time]);
+    let mut cargo = self::tests(&["--test", "ethercat", "--", "--nocapture", "--test-threads", at_a_time]);
     run(cargo.args(tests).env("MOBGATE_CYCLES", "100000").env("MOBGATE_RESTARTS", "500"))
+}
+
+/// A benchmark, with the dependencies of the Debian package: with other flags they would be compiled once more.
+pub(crate) fn bench(words: &[&str]) -> Command {
+    let mut cargo = cargo("bench", words);
+    short_paths(&mut cargo);
+    cargo
+}
+
+/// Lets cargo build the same wherever it is.
+fn short_paths(cargo: &mut Command) -> &mut Command {
+    let flags =
+        board::remapped(Path::new("rustc")).map(|path| format!("--remap-path-prefix={}/=", path.display()));
+    // Separated as cargo wants it, for folders with spaces.
+    cargo.env("CARGO_ENCODED_RUSTFLAGS", flags.collect::<Vec<_>>().join("\x1f"))
 }
 
 /// Builds the Debian package, the same wherever it is built.
 pub(crate) fn deb() -> Outcome<PathBuf> {
     install::check(&[Group::Package])?;
-    let flags =
-        board::remapped(Path::new("rustc")).map(|path| format!("--remap-path-prefix={}/=", path.display()));
-    // Separated as cargo wants it, for folders with spaces.
-    let flags = flags.collect::<Vec<_>>().join("\x1f");
     let mut cargo =
         command("cargo", &["deb", "--quiet", "--locked", "--strip", "--package", "mobgate-linux"]);
-    let printed = output(cargo.env("CARGO_ENCODED_RUSTFLAGS", flags).envs(release::date()))?;
+    let printed = output(short_paths(&mut cargo).envs(release::date()))?;
     let package = root().join(printed.lines().last().unwrap_or_default());
     built(&package)?;
     Ok(package)

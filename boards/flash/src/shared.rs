@@ -1,23 +1,27 @@
 //! One store for several consoles: a save locks it until it ends.
 
+use core::fmt::{self, Write};
+
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_sync::mutex::{Mutex, MutexGuard};
 use embedded_storage_async::nor_flash::NorFlash;
 use mobgate::hal::{Store, StoreError};
 
-use crate::store::{FlashStore, SECRET_BYTES};
+use crate::store::{FlashStore, SECRET_BYTES, Who};
 
 /// A console's handle of the store. Dropping it during a save discards the unfinished version.
 pub struct SharedStore<'a, M: RawMutex, F: NorFlash> {
     store: &'a Mutex<M, FlashStore<F>>,
     /// Held from the first append to the commit.
     saving: Option<MutexGuard<'a, M, FlashStore<F>>>,
+    /// Who makes the next version.
+    who: Who,
 }
 
 impl<'a, M: RawMutex, F: NorFlash> SharedStore<'a, M, F> {
     /// Creates a handle of `store`.
     pub const fn new(store: &'a Mutex<M, FlashStore<F>>) -> Self {
-        Self { store, saving: None }
+        Self { store, saving: None, who: Who::new() }
     }
 
     /// Another handle of the same store.
@@ -66,6 +70,31 @@ impl<M: RawMutex, F: NorFlash> Store for SharedStore<'_, M, F> {
     }
 
     async fn commit(&mut self) -> Result<(), StoreError> {
-        self.alone().await.commit().await
+        let mut store = self.alone().await;
+        store.sign(&core::mem::take(&mut self.who));
+        store.commit().await
+    }
+
+    fn sign(&mut self, who: &dyn fmt::Display) {
+        self.who = Who::new();
+        // See `Who`.
+        let _ = write!(self.who, "{who}");
+    }
+
+    /// While somebody saves there is none.
+    fn write_version(&mut self, nth: usize, out: &mut dyn fmt::Write) -> Option<fmt::Result> {
+        match &mut self.saving {
+            Some(store) => store.write_version(nth, out),
+            None => self.store.try_lock().ok()?.write_version(nth, out),
+        }
+    }
+
+    async fn read_version(
+        &mut self,
+        nth: usize,
+        offset: usize,
+        into: &mut [u8],
+    ) -> Result<usize, StoreError> {
+        self.alone().await.read_version(nth, offset, into).await
     }
 }

@@ -3,6 +3,8 @@
 //! While an image is on trial, the head stays as it is: what is saved goes to the other copy, with a head of its own that names the
 //! image. Confirming makes that the head. If another image runs at the next start, that one went back, and its head is dropped.
 
+use core::fmt;
+
 use crc::{Digest, NoTable};
 use embedded_storage_async::nor_flash::NorFlash;
 use mobgate::hal::{Store, StoreError};
@@ -17,9 +19,15 @@ use sequential_storage::map::{MapConfig, MapStorage};
 use crate::head::{CRC, Head, TRIAL_BYTES, trial_from_bytes, trial_to_bytes};
 use crate::sectors::{SECTORS, Sectors};
 
+// Images without it are smaller: nobody asks for a version there.
+#[cfg_attr(not(feature = "versions"), path = "store/no_versions.rs")]
+mod versions;
+
 mod secret;
 
 pub use self::secret::SECRET_BYTES;
+pub(crate) use self::versions::Who;
+use self::versions::{VERSION_BYTES_MAX, Versions};
 
 /// Longest text: room for the network, all ports and all rules as lines of full length. The other lines share it; a longer text
 /// fails with [`StoreError::Full`].
@@ -60,7 +68,9 @@ pub const fn text_bytes_max<F: NorFlash>() -> usize {
     let overhead = MapStorage::<u16, Sectors<F>, Finder>::item_overhead_size() as usize;
     let head = overhead + (KEY_BYTES + TRIAL_BYTES).next_multiple_of(F::WRITE_SIZE);
     let secret = overhead + (KEY_BYTES + SECRET_BYTES).next_multiple_of(F::WRITE_SIZE);
-    let pieces = (sector - 2 * head - secret) / (2 * (overhead + KEY_BYTES + PIECE_BYTES));
+    let version = overhead + (KEY_BYTES + VERSION_BYTES_MAX).next_multiple_of(F::WRITE_SIZE);
+    let versions = if VERSION_BYTES_MAX > 0 { 2 * version } else { 0 };
+    let pieces = (sector - 2 * head - secret - versions) / (2 * (overhead + KEY_BYTES + PIECE_BYTES));
     if pieces < PIECES_MAX { pieces * PIECE_BYTES } else { TEXT_BYTES_MAX }
 }
 
@@ -95,6 +105,8 @@ pub struct FlashStore<F: NorFlash> {
     next: Option<Next>,
     /// Its last, incomplete piece.
     piece: [u8; PIECE_BYTES],
+    /// Who saved the texts.
+    versions: Versions,
 }
 
 /// A version being written.
@@ -119,6 +131,7 @@ impl<F: NorFlash> FlashStore<F> {
             buffer: [0; KEY_BYTES + PIECE_BYTES],
             next: None,
             piece: [0; PIECE_BYTES],
+            versions: Versions::new(),
         };
         if prepared.is_ok() {
             store.find().await;
@@ -153,6 +166,7 @@ impl<F: NorFlash> FlashStore<F> {
             Some(_) => Ok(()),
             None => self.drop_trial().await,
         };
+        self.find_versions().await;
     }
 
     /// The head of this image's trial, if its text matches it. Once confirmed it names the same copy as the head, and is over.
@@ -218,12 +232,31 @@ impl<F: NorFlash> FlashStore<F> {
         found.map_err(reason)?.ok_or(StoreError::Damaged)
     }
 
+    /// The head of the text that is valid, if there is one.
+    fn valid(&self) -> Result<Option<Head>, StoreError> {
+        self.trial.map_or(self.head, |head| Ok(Some(head)))
+    }
+
+    /// Reads the text of a head from `offset` on.
+    async fn read_copy(&mut self, head: Head, offset: usize, into: &mut [u8]) -> Result<usize, StoreError> {
+        let left = (head.length as usize).saturating_sub(offset);
+        if left == 0 {
+            return Ok(0);
+        }
+        let piece = self.piece(head.copy, offset / PIECE_BYTES).await?;
+        let there = piece.get(offset % PIECE_BYTES..).ok_or(StoreError::Damaged)?;
+        let count = there.len().min(left).min(into.len());
+        into.iter_mut().zip(there).take(count).for_each(|(to, &from)| *to = from);
+        Ok(count)
+    }
+
     /// Starts a version in the copy that is not valid.
     async fn begin(&mut self) -> Result<Next, StoreError> {
         if self.head == Err(StoreError::Damaged) {
             // Nothing is readable, so nothing is lost, and damaged items might be in the way.
             self.erase().await?;
             (self.head, self.has_trial) = (Ok(None), false);
+            self.versions = Versions::new();
         }
         if self.image.confirmed {
             self.drop_trial().await?;
@@ -231,6 +264,7 @@ impl<F: NorFlash> FlashStore<F> {
         // Overwritten from here on. A power cut loses nothing by that: a restart ends the trial.
         self.trial = None;
         let holds = self.head?.map_or(1, |head| head.copy);
+        self.versions.forget(1 - holds);
         Ok(Next { copy: 1 - holds, length: 0, digest: CRC.digest() })
     }
 
@@ -278,6 +312,7 @@ impl<F: NorFlash> FlashStore<F> {
         let head = Head { copy: next.copy, length: next.length as u32, crc: next.digest.finalize() };
         // A failed read-back is the medium's fault; the old text is still valid.
         self.check(&head).await.map_err(|_| StoreError::Failed)?;
+        self.note_version(head).await?;
         if self.image.confirmed {
             self.put(HEAD_KEY, &head.to_bytes()).await?;
         } else {
@@ -290,17 +325,8 @@ impl<F: NorFlash> FlashStore<F> {
 
 impl<F: NorFlash> Store for FlashStore<F> {
     async fn read(&mut self, offset: usize, into: &mut [u8]) -> Result<usize, StoreError> {
-        let valid = self.trial.map_or(self.head, |head| Ok(Some(head)));
-        let Some(head) = valid? else { return Ok(0) };
-        let left = (head.length as usize).saturating_sub(offset);
-        if left == 0 {
-            return Ok(0);
-        }
-        let piece = self.piece(head.copy, offset / PIECE_BYTES).await?;
-        let there = piece.get(offset % PIECE_BYTES..).ok_or(StoreError::Damaged)?;
-        let count = there.len().min(left).min(into.len());
-        into.iter_mut().zip(there).take(count).for_each(|(to, &from)| *to = from);
-        Ok(count)
+        let Some(head) = self.valid()? else { return Ok(0) };
+        self.read_copy(head, offset, into).await
     }
 
     async fn append(&mut self, text: &[u8]) -> Result<(), StoreError> {
@@ -329,6 +355,24 @@ impl<F: NorFlash> Store for FlashStore<F> {
             }
         }
         Ok(())
+    }
+
+    fn sign(&mut self, who: &dyn fmt::Display) {
+        self.versions.sign(who);
+    }
+
+    fn write_version(&mut self, nth: usize, out: &mut dyn fmt::Write) -> Option<fmt::Result> {
+        self.version(nth).map(|(_, who)| write!(out, "-\t-\t{who}"))
+    }
+
+    async fn read_version(
+        &mut self,
+        nth: usize,
+        offset: usize,
+        into: &mut [u8],
+    ) -> Result<usize, StoreError> {
+        let Some((head, _)) = self.version(nth) else { return Ok(0) };
+        self.read_copy(head, offset, into).await
     }
 }
 

@@ -33,7 +33,7 @@ pub use sessions::{SESSIONS_MAX, Sessions};
 const ACCEPT_PAUSE: Duration = Duration::from_secs(1);
 
 /// Updates of a program are not its own.
-pub(crate) fn by_package() -> NoUpdate {
+pub fn by_package() -> NoUpdate {
     NoUpdate("the package manager brings new versions: apt install ./mobgate_*.deb")
 }
 

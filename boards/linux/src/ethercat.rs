@@ -8,14 +8,15 @@ use std::cell::Cell;
 use std::io::{self, ErrorKind};
 use std::rc::Rc;
 
-use embassy_futures::join::join;
+use embassy_futures::join::join4;
 use embassy_futures::select::{Either, select};
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::signal::Signal;
 use embedded_hal_async::digital::Wait;
 use ethercat_esc::frame::{FRAME_BYTES_MAX, is_whole};
 use ethercat_esc::interface::{Interface, InterfaceError};
-use ethercat_esc::{Chip, DirectPdi, Interrupt, Kind, SharedChip, now};
+use ethercat_esc::{Chip, DirectPdi, Interrupt, Kind, SharedChip, SyncLine, SyncPin, now};
+use ethercat_subdevice::clocks::SyncSignals;
 use ethercat_subdevice::esc::{Esc, EscError};
 use mobgate::fieldbus::{EthercatState, long_device, serve_long};
 use mobgate::gateway::Gateway;
@@ -42,8 +43,21 @@ pub async fn run(gateway: &Gateway<'_>, place: &EthercatState) -> ! {
         let _ = select(interrupt.wait_for_high(), link.lost.wait()).await;
     };
     let controller = Controller { link: &link, pdi: DirectPdi::new(link.chip.clone()) };
-    let (never, _) = join(serve_long(place, gateway.scanner(), controller, attention), link.carry()).await;
+    // One for each run of the program.
+    let signals: &SyncSignals = Box::leak(Box::new(SyncSignals::new()));
+    let sync0 = note(SyncPin::new(link.chip.clone(), SyncLine::Sync0), || signals.sync0());
+    let sync1 = note(SyncPin::new(link.chip.clone(), SyncLine::Sync1), || signals.sync1());
+    let device = serve_long(place, gateway.scanner(), controller, Some(signals), attention);
+    let (never, ..) = join4(device, link.carry(), sync0, sync1).await;
     never
+}
+
+/// Calls `signal` at each pulse of a SYNC signal of the software controller.
+async fn note(mut pin: SyncPin, signal: impl Fn()) -> ! {
+    loop {
+        pin.pulse().await;
+        signal();
+    }
 }
 
 /// Whether a SubDevice can run at interface `name`; if not, why and what to do.

@@ -107,7 +107,7 @@ async fn found_on_the_network() {
 
 #[embassy_executor::task(pool_size = WEB_CONNECTIONS)]
 async fn web_connection(nth: usize, mut sockets: TcpSockets, mut store: FileStore) {
-    web::run(&GATEWAY, nth, &mut sockets, &mut store, &Process).await
+    web::run(&GATEWAY, nth, &mut sockets, (&mut store, &mut console::by_package()), &Process).await
 }
 
 #[embassy_executor::task]

@@ -41,7 +41,7 @@ const LOG_IN_MAX: Duration = Duration::from_secs(60);
 const ATTEMPTS_MAX: usize = 10;
 /// A refusal takes this long, whatever the reason.
 const REFUSAL: Duration = Duration::from_millis(300);
-/// A client that sends nothing for this long gets a keepalive; after this many without a response it is gone.
+/// A client that sends nothing for this long gets a keepalive; after this many unanswered ones it is disconnected.
 const KEEPALIVE: Duration = Duration::from_secs(60);
 const KEEPALIVES_MAX: usize = 3;
 /// A connection without a packet for this long is closed. Sessions end earlier: their console ends them.
@@ -165,7 +165,7 @@ fn config(key: PrivateKey) -> Config {
             kex: Cow::Borrowed(KEX),
             key: Cow::Borrowed(&[Algorithm::Ed25519]),
             cipher: Cow::Borrowed(&[cipher::CHACHA20_POLY1305, cipher::AES_256_GCM]),
-            // Of no effect with these ciphers, but a list must not be empty.
+            // Unused with these ciphers, but the list must not be empty.
             mac: Cow::Borrowed(&[mac::HMAC_SHA256_ETM]),
             compression: Cow::Borrowed(&[compression::NONE]),
             ..Preferred::DEFAULT

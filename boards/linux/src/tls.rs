@@ -1,7 +1,7 @@
-//! Modbus/TCP Security: TLS 1.2 and 1.3 with the certificates of the settings.
+//! Modbus/TCP Security and HTTPS: TLS 1.2 and 1.3 with the certificates of the settings.
 //!
-//! Nothing is kept between connections: the files are read for each, so a renewed certificate or a new list of revoked ones acts
-//! with the next connection. For the same reason no session is resumed, whose certificate would not be checked again.
+//! Nothing is cached between connections: the files are read for each, so a renewed certificate or revocation list takes effect with
+//! the next one. For the same reason sessions are not resumed: a resumed one would skip the check of the certificate.
 
 use std::net::IpAddr;
 use std::sync::{Arc, OnceLock};
@@ -9,7 +9,7 @@ use std::sync::{Arc, OnceLock};
 use mobgate::gateway::Gateway;
 use mobgate::hal::{OpenError, OpenErrorKind};
 use mobgate::settings::{
-    Certificate, ClientRole, Host, PortId, Purpose, ServerAddress, Settings, TlsSettings,
+    Certificate, ClientRole, Host, PortId, PortKind, Purpose, ServerAddress, Settings, TlsSettings,
 };
 use rustls::client::Resumption;
 use rustls::crypto::CryptoProvider;
@@ -93,12 +93,13 @@ fn server_name(server: &ServerAddress) -> Result<ServerName<'static>, OpenError>
 /// Makes what the port needs of its settings; says in the log what is wrong with a certificate.
 fn of_port<T>(
     port: PortId,
-    make: impl FnOnce(&Settings, &TlsSettings) -> Result<T, Fault>,
+    make: impl FnOnce(&Settings, &PortKind, &TlsSettings) -> Result<T, Fault>,
 ) -> Result<T, OpenError> {
     let gateway = GATEWAY.get().ok_or(UNUSABLE)?;
     gateway.settings(|settings| {
-        let tls = settings.port(port).and_then(|port| port.kind.tls()).ok_or(UNUSABLE)?;
-        make(settings, tls).map_err(|fault| {
+        let kind = settings.port(port).map(|port| &port.kind);
+        let (kind, tls) = kind.and_then(|kind| Some((kind, kind.tls()?))).ok_or(UNUSABLE)?;
+        make(settings, kind, tls).map_err(|fault| {
             log::debug!("port {}: {fault}", settings.name(port));
             UNUSABLE
         })
@@ -123,23 +124,27 @@ fn provider() -> Arc<CryptoProvider> {
     PROVIDER.get_or_init(|| Arc::new(default_provider())).clone()
 }
 
-fn server(settings: &Settings, tls: &TlsSettings) -> Result<Arc<ServerConfig>, Fault> {
+fn server(settings: &Settings, kind: &PortKind, tls: &TlsSettings) -> Result<Arc<ServerConfig>, Fault> {
     let own = certificate(settings, tls.certificate.as_deref(), Purpose::Own).next().ok_or(Fault::Absent)?;
     let (chain, key) = files::own(own)?;
-    let trusted = certificate(settings, tls.trust.as_deref(), Purpose::Clients);
-    let clients =
-        trusted.map(|authority| verify::clients(authority, &provider())).collect::<Result<_, _>>()?;
     let config = ServerConfig::builder_with_provider(provider()).with_protocol_versions(VERSIONS)?;
-    let config = config.with_client_cert_verifier(Arc::new(Clients::new(clients, provider())));
+    let config = if kind.wants_certificates() {
+        let trusted = certificate(settings, tls.trust.as_deref(), Purpose::Clients);
+        let clients =
+            trusted.map(|authority| verify::clients(authority, &provider())).collect::<Result<_, _>>()?;
+        config.with_client_cert_verifier(Arc::new(Clients::new(clients, provider())))
+    } else {
+        config.with_no_client_auth()
+    };
     let mut config = config.with_single_cert(chain, key)?;
     config.session_storage = Arc::new(NoServerSessionStorage {});
     config.send_tls13_tickets = 0;
     Ok(Arc::new(config))
 }
 
-fn client(settings: &Settings, tls: &TlsSettings) -> Result<ClientConfig, Fault> {
+fn client(settings: &Settings, _: &PortKind, tls: &TlsSettings) -> Result<ClientConfig, Fault> {
     let trusted = certificate(settings, tls.trust.as_deref(), Purpose::Servers);
-    // A server's own certificate is good for the port only that names it: the key of one device must not open another.
+    // A pinned certificate counts only for the port that names it: the key of one device must not authenticate another.
     let may_be_own = tls.trust.is_some();
     let servers = trusted
         .map(|authority| verify::servers(authority, may_be_own, &provider()))

@@ -1,7 +1,7 @@
 //! The texts that were saved last, with who saved them and when, in one file beside that of the settings.
 //!
-//! In front of each text is a line with its length and a check sum, so that a damaged version is skipped and costs no other. The file
-//! is replaced as a whole, as that of the settings is.
+//! Each text has a header line with its length and a checksum, so that a damaged version is skipped without affecting others. The file
+//! is replaced as a whole, like that of the settings.
 
 use std::collections::HashMap;
 use std::fmt::{self, Write as _};
@@ -14,13 +14,13 @@ use crate::file::{self, Reason, TEXT_BYTES_MAX};
 
 /// Versions that are kept.
 const VERSIONS_MAX: usize = 10;
-/// Longest line in front of a text.
+/// Longest header line.
 const HEAD_BYTES_MAX: usize = 256;
 /// Longest file.
 const FILE_BYTES_MAX: usize = VERSIONS_MAX * (HEAD_BYTES_MAX + TEXT_BYTES_MAX);
 const TOO_LONG: Reason = "it is longer than all versions together can be";
 
-/// What the line in front of a text begins with.
+/// What a header line begins with.
 const HEAD: &str = "#@ saved ";
 /// Who changes a file that is not saved by this program, as the audit trail calls him.
 const BY_OTHERS: &str = "system";
@@ -61,7 +61,7 @@ impl Versions {
         self.0.get(nth)
     }
 
-    /// Notes the text `old` that is about to be replaced in the file at `settings`, unless it is known: somebody has edited it.
+    /// Keeps the text `old`, which is about to be replaced in the file at `settings`, if somebody has edited it since the last save.
     pub(crate) fn note(&mut self, settings: &Path, old: &[u8]) {
         if !old.is_empty() && self.get(0).is_none_or(|last| last.text != old) {
             let at = settings.metadata().and_then(|facts| facts.modified()).ok();
@@ -112,7 +112,7 @@ impl Versions {
 }
 
 impl Version {
-    /// The line in front of the text.
+    /// The header line.
     fn head(&self) -> String {
         let Self { what, text } = self;
         let mut head = format!("{HEAD}{what}\t{}\t", text.len());
@@ -124,7 +124,7 @@ impl Version {
         head
     }
 
-    /// The version that `file` begins with, and what is behind it.
+    /// The version at the beginning of `file`, and the rest.
     fn parse(file: &[u8]) -> Option<(Self, &[u8])> {
         let end = file.iter().take(HEAD_BYTES_MAX).position(|byte| *byte == b'\n')?;
         let head = std::str::from_utf8(&file[..=end]).ok()?;
@@ -146,7 +146,7 @@ fn place(settings: &Path) -> PathBuf {
     file::beside(settings, ".versions")
 }
 
-/// How many lines `new` has more than `old`, and fewer; blanks within them do not count, since they align columns.
+/// How many lines `new` adds to `old` and removes from it; alignment blanks do not count.
 fn changed(old: &[u8], new: &[u8]) -> (i64, i64) {
     let (old, new) = (String::from_utf8_lossy(old), String::from_utf8_lossy(new));
     let mut counts = HashMap::<Vec<&str>, i64>::new();

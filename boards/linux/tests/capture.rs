@@ -90,6 +90,7 @@ fn frames_are_streamed_by_tcp_to_whoever_connects() {
 
 #[test]
 fn a_file_that_cannot_be_written_is_said_at_the_start() {
-    let said = common::refusal(&["--socket", "off", "--capture", "/nowhere/capture.pcapng"]);
+    let at = format!("127.0.0.1:{}", free_port());
+    let said = common::refusal(&["--listen", &at, "--socket", "off", "--capture", "/nowhere/capture.pcapng"]);
     assert!(said.contains("/nowhere/capture.pcapng: "), "{said}");
 }

@@ -43,7 +43,7 @@ fn a_service_manager_is_told_that_it_runs_goes_on_and_stops() {
 #[test]
 fn a_port_that_a_test_was_given_is_nobody_elses() {
     let given = common::free_port();
-    assert!(!common::reserve(given), "although nobody listens there yet");
+    assert!(!mobgate_simulator::ports::reserve(given), "although nobody listens there yet");
     assert_ne!(common::free_port(), given);
 }
 
@@ -78,7 +78,8 @@ fn check_names_file_line_and_word_of_an_error() {
 #[test]
 fn sii_and_esi_write_what_the_gateway_is_on_ethercat() {
     let folder = tempfile::tempdir().unwrap();
-    for (word, begins) in [("sii", &[0x80, 0][..]), ("esi", b"<?xml")] {
+    // SPI, and SYNC signals.
+    for (word, begins) in [("sii", &[0x80, 0x04][..]), ("esi", b"<?xml")] {
         let path = folder.path().join(word);
         let made = output(&[word, path.to_str().unwrap()]);
         assert_eq!((made.status.code(), made.stdout.len()), (Some(0), 0));

@@ -51,4 +51,4 @@ pub const STACK_SOCKETS: usize =
     2 + cfg!(feature = "servers") as usize + 2 * cfg!(feature = "audit") as usize;
 
 /// Most sockets in a pool.
-pub const SOCKETS_MAX: usize = 24;
+pub const SOCKETS_MAX: usize = if cfg!(feature = "web") { 32 } else { 24 };

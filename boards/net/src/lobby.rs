@@ -1,4 +1,4 @@
-//! Hands connections over to tasks: each of these has a seat, on which one guest at a time is served.
+//! Hands connections over to tasks, each of which serves one at a time (its guest, on its seat).
 
 use core::cell::Cell;
 use core::net::IpAddr;

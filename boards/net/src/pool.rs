@@ -43,7 +43,8 @@ impl Sockets {
         backlog: &'static Backlog,
         buffers: &'static mut [[u8; N]],
     ) -> Self {
-        let free = Cell::new((1 << buffers.len().min(SOCKETS_MAX)) - 1);
+        // A bit for each.
+        let free = Cell::new(((1_u64 << buffers.len().min(SOCKETS_MAX)) - 1) as u32);
         let buffers = NonNull::from(buffers.as_flattened_mut()).cast();
         let dropped = RefCell::new([const { None }; SOCKETS_MAX]);
         Self {

@@ -1,7 +1,7 @@
 //! Passwords of users on boards: Argon2id (RFC 9106) in memory of a fixed size.
 //!
-//! A board has little memory, so it makes up for it by passes. What a check takes is a figure of the QEMU board (`argon2_instructions`).
-//! The processor does nothing else meanwhile.
+//! Boards have little memory, so more passes make up for it. The figure `argon2_instructions` of the QEMU board is the cost of a check,
+//! during which the processor does nothing else.
 #![no_std]
 #![forbid(unsafe_code)]
 
@@ -12,7 +12,7 @@ use argon2::password_hash::phc::{Output, ParamsString, PasswordHash as PhcHash, 
 use argon2::{Algorithm, Argon2, Block, Params, Version};
 use mobgate::settings::PasswordHash;
 
-/// Memory of a hash in KiB, which settings cannot exceed either.
+/// Memory of a hash in KiB; hashes in settings that need more are refused.
 pub const MEMORY_KIB: u32 = 32;
 /// Passes over it.
 pub const PASSES: u32 = 16;
@@ -22,7 +22,7 @@ const HASH_BYTES: usize = 32;
 /// Longest hash that is compared.
 const HASH_BYTES_MAX: usize = 64;
 
-/// Compared with where there is no hash: with the costs of [`Passwords::hash`], so that it takes as long.
+/// Used where a user has no hash, so that the check takes as long: with the costs of [`Passwords::hash`].
 const NOBODYS: &str =
     "$argon2id$v=19$m=32,t=16,p=1$MDEyMzQ1Njc4OWFiY2RlZg$AAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAA";
 

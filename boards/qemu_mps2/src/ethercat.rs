@@ -34,7 +34,8 @@ pub(crate) fn start(spawner: Spawner) {
 async fn run() {
     let wires = Wires::open();
     let controller = Lan9252::new(Spi(&wires), Wiring::default());
-    serve(&ETHERCAT, Some(&SCANNER), NoFiles, controller, async || wires.interrupt().await).await
+    // The pipes have no SYNC pins.
+    serve(&ETHERCAT, Some(&SCANNER), NoFiles, controller, None, async || wires.interrupt().await).await
 }
 
 /// LED register of the FPGA's I/O (AN386): bit 0 is LED0, bit 1 is LED1.

@@ -16,6 +16,9 @@ static POOL: FramePool<'static> = FramePool::new(&SLOTS, RESERVED);
 static PORT_STATES: Ports<PORTS> = Ports::new();
 static CONNECTION_STATES: [Connection; CONNECTIONS] = [const { Connection::new() }; CONNECTIONS];
 static CAPTURE: Capture = Capture::new();
+/// The settings that are being changed, or those to go back to.
+#[cfg(feature = "web")] // Only the web interface changes it.
+static CANDIDATE: mobgate::gateway::Candidate = mobgate::gateway::Candidate::new();
 
 /// The gateway.
 // The image without data points and EtherCAT is smaller, see Cargo.toml.
@@ -30,5 +33,8 @@ const fn gateway() -> Gateway<'static> {
     // As above.
     #[cfg(feature = "audit")]
     let gateway = gateway.with_audit(mobgate_faults::audit_memory());
+    // As above.
+    #[cfg(feature = "web")]
+    let gateway = gateway.with_candidate(&CANDIDATE);
     gateway.with_capture(&CAPTURE)
 }

@@ -1,6 +1,8 @@
 //! The gateway on QEMU's mps2-an386: hardware, gateway, tasks.
 #![no_std]
 #![no_main]
+// The types of the web interface's futures are deep.
+#![recursion_limit = "256"]
 
 mod board;
 mod clock;
@@ -24,14 +26,14 @@ mod ssh;
 mod transmitter;
 mod uart;
 mod vectors;
+#[cfg(feature = "web")] // As above.
+mod web;
 
-use embassy_net::Runner;
 use mobgate::settings::PortId;
-use mobgate_net::{Connector, Datagrams, Queued, Sockets, TcpSockets};
+use mobgate_net::{Connector, Datagrams, Sockets, TcpSockets};
 use static_cell::StaticCell;
 
 use crate::board::{Board, Store};
-use crate::ethernet::Ethernet;
 use crate::gateway::{CONNECTIONS, GATEWAY, PORTS};
 use crate::lines::{FIGURES, Lines};
 use crate::uart::{DIVISOR_MIN, Line};
@@ -49,16 +51,6 @@ async fn port(id: PortId, sockets: &'static Sockets) -> ! {
 #[embassy_executor::task(pool_size = CONNECTIONS)]
 async fn connection(index: usize, sockets: &'static Sockets) -> ! {
     match GATEWAY.run_connection(index, &mut TcpSockets::new(sockets)).await {}
-}
-
-#[embassy_executor::task]
-async fn network(mut runner: Runner<'static, Queued<Ethernet>>) {
-    runner.run().await
-}
-
-#[embassy_executor::task]
-async fn network_care(sockets: &'static Sockets) {
-    network::care(&GATEWAY, sockets).await
 }
 
 #[embassy_executor::task]
@@ -87,10 +79,11 @@ fn main() -> ! {
         spawner.spawn(router().unwrap());
         (0..PORTS).for_each(|index| spawner.spawn(port(PortId(index as u8), sockets).unwrap()));
         (0..CONNECTIONS).for_each(|index| spawner.spawn(connection(index, sockets).unwrap()));
-        spawner.spawn(network(runner).unwrap());
-        spawner.spawn(network_care(sockets).unwrap());
+        network::spawn(spawner, runner, sockets);
         #[cfg(feature = "ssh")] // As above.
         ssh::start(spawner, sockets, store.another(), board);
+        #[cfg(feature = "web")] // As above.
+        web::start(spawner, sockets, &store, board);
         spawner.spawn(console(store, board).unwrap());
         #[cfg(feature = "ethercat")] // As above.
         ethercat::start(spawner);

@@ -1,23 +1,25 @@
 //! The network: embassy-net over the Ethernet controller, and the gateway's sockets on top.
 
+use embassy_executor::Spawner;
 use embassy_futures::join::join4;
 use embassy_net::{Runner, StackResources};
-use mobgate::gateway::Gateway;
 use mobgate::settings::OwnNetwork;
 use mobgate_net::{Backlog, Queued, STACK_SOCKETS, Sockets, address, mdns};
 use static_cell::{ConstStaticCell, StaticCell};
 
 use crate::ethernet::Ethernet;
-use crate::gateway::CONNECTIONS;
+use crate::gateway::{CONNECTIONS, GATEWAY};
 use crate::semihosting;
 
 /// Most outgoing connections and UDP servers, together.
 const CLIENTS: usize = 4;
-const SOCKETS: usize = CONNECTIONS + CLIENTS;
+/// Connections of the web interface: as many as it has, in an image with it.
+pub(crate) const WEB_CONNECTIONS: usize = if cfg!(feature = "web") { 8 } else { 0 };
+const SOCKETS: usize = CONNECTIONS + CLIENTS + WEB_CONNECTIONS;
 /// Two frames of Modbus TCP in each direction, and some spare.
 const SOCKET_BYTES: usize = 2 * 640;
 
-/// Starts the network with this setting. The caller must run the runner.
+/// Starts the network with this setting. Its tasks are to be [spawned](spawn).
 pub(crate) fn start(setting: &OwnNetwork) -> (&'static Sockets, Runner<'static, Queued<Ethernet>>) {
     static RESOURCES: StaticCell<StackResources<{ SOCKETS + STACK_SOCKETS }>> = StaticCell::new();
     static BUFFERS: ConstStaticCell<[[u8; SOCKET_BYTES]; SOCKETS]> =
@@ -33,8 +35,21 @@ pub(crate) fn start(setting: &OwnNetwork) -> (&'static Sockets, Runner<'static, 
     (POOL.init(Sockets::new(stack, backlog, BUFFERS.take())), runner)
 }
 
+/// Starts the network's tasks, once.
+pub(crate) fn spawn(spawner: Spawner, runner: Runner<'static, Queued<Ethernet>>, sockets: &'static Sockets) {
+    // Spawned once: the task slots are free.
+    spawner.spawn(run(runner).unwrap());
+    spawner.spawn(care(sockets).unwrap());
+}
+
+#[embassy_executor::task]
+async fn run(mut runner: Runner<'static, Queued<Ethernet>>) {
+    runner.run().await
+}
+
 /// The network's background jobs: the audit trail, closing connections, following the settings, multicast DNS, and logging the link state.
-pub(crate) async fn care(gateway: &'static Gateway<'static>, sockets: &'static Sockets) {
+#[embassy_executor::task]
+async fn care(sockets: &'static Sockets) {
     let stack = sockets.stack();
     let announce = async {
         loop {
@@ -46,9 +61,9 @@ pub(crate) async fn care(gateway: &'static Gateway<'static>, sockets: &'static S
             log::info!("network down");
         }
     };
-    let all = join4(sockets.run(), address::follow(gateway, stack), mdns::run(gateway, stack), announce);
+    let all = join4(sockets.run(), address::follow(&GATEWAY, stack), mdns::run(&GATEWAY, stack), announce);
     // The image without an audit trail has nothing to send.
     #[cfg(feature = "audit")]
-    let all = embassy_futures::join::join(all, mobgate_net::follow_audit(gateway, sockets));
+    let all = embassy_futures::join::join(all, mobgate_net::follow_audit(&GATEWAY, sockets));
     all.await;
 }

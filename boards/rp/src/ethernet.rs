@@ -147,11 +147,11 @@ pub(crate) async fn run(wires: Wires, address: [u8; 6], state: &Chip) -> ! {
             // Until it is released, the driver waits.
             let mut chip = chip.lock().await;
             // A chip without power has no address, nor has one after a reset.
-            if read(&mut *chip, &ADDRESS).await == address {
+            if read(&mut chip, &ADDRESS).await == address {
                 continue;
             }
             state.set_lost(true);
-            wait_for(&mut *chip).await;
+            wait_for(&mut chip).await;
             let mut spare = State::<1, 1>::new();
             // The library's set-up; the packets go on through the first queues.
             let again = embassy_net_wiznet::new::<_, _, W5500, _, _, _>(

@@ -106,7 +106,6 @@ pub(crate) struct Pins<P: Instance + 'static> {
 
 impl PioLine {
     /// Line `number`, on a pair of state machines of the PIO whose interrupt is bound to [`LineInterrupt`]. Its driver is off.
-    #[expect(clippy::too_many_arguments, reason = "machines, channels and pins, each of its own type")]
     pub(crate) fn new<P: Instance, const T: usize, const R: usize>(
         number: usize,
         programs: &Programs<'static, P>,

@@ -108,7 +108,7 @@ impl Channel {
     }
 }
 
-/// What a message is answered with.
+/// The response to a message.
 enum Answer {
     None,
     Opened(u32),
@@ -119,7 +119,7 @@ enum Answer {
 }
 
 impl Channel {
-    /// Does what a message says.
+    /// Handles a message.
     fn take(&mut self, number: u8, mut fields: Reader<'_>, terminal: &Terminal) -> Result<Answer, Error> {
         match number {
             GLOBAL_REQUEST => {
@@ -140,7 +140,7 @@ impl Channel {
                 }
                 let data = fields.string()?;
                 self.open_window = self.open_window.checked_sub(data.len()).ok_or(Error::MALFORMED)?;
-                // A window is no longer than there is room. A line has no more input.
+                // The window never exceeds the room. A single line has no further input.
                 if number == DATA && !terminal.has_ended() && !terminal.type_in(data) {
                     return Err(Error::MALFORMED);
                 }
@@ -176,7 +176,7 @@ impl Channel {
                 true
             }
             b"window-change" if self.terminal.is_some() => {
-                // Without room the next report tells.
+                // If there is no room, the next report has the size.
                 self.kind != Some(Kind::Keys) || terminal.type_in(size_report(&mut fields)?.as_bytes())
             }
             b"shell" if self.kind.is_none() => {
@@ -238,7 +238,7 @@ impl<S: Read + Write> Link<'_, S> {
         Ok(())
     }
 
-    /// Lets the client send on, once half of its window has been used and read.
+    /// Widens the client's window once half of it has been used and read.
     pub(crate) async fn open_window(
         &mut self,
         channel: &mut Channel,
@@ -253,14 +253,14 @@ impl<S: Read + Write> Link<'_, S> {
         self.send(WINDOW_ADJUST, |message| _ = message.number(theirs).number(free as u32)).await
     }
 
-    /// Sends what the console shows; no more than there is room.
+    /// Sends the console's output, as much as the window allows.
     pub(crate) async fn show(&mut self, channel: &mut Channel, text: &[u8]) -> Result<(), Error> {
         let theirs = channel.theirs.unwrap_or_default();
         channel.window = channel.window.saturating_sub(text.len() as u32);
         self.send(DATA, |message| _ = message.number(theirs).string(text)).await
     }
 
-    /// Tells how the session has ended, and closes the channel.
+    /// Sends the exit status, and closes the channel.
     pub(crate) async fn finish(&mut self, channel: &Channel, status: u32) -> Result<(), Error> {
         let theirs = channel.theirs.unwrap_or_default();
         self.send(REQUEST, |message| {

@@ -19,7 +19,7 @@ const METHOD_BEFORE: &str = "curve25519-sha256@libssh.org";
 const METHODS: &str = "curve25519-sha256,curve25519-sha256@libssh.org,kex-strict-s-v00@openssh.com";
 const STRICT_CLIENT: &str = "kex-strict-c-v00@openssh.com";
 const CIPHER: &str = "chacha20-poly1305@openssh.com";
-/// Of no effect with this cipher, but some clients want one in common.
+/// Unused with this cipher, but some clients require a common one.
 const AUTHENTICATOR: &str = "hmac-sha2-256-etm@openssh.com,hmac-sha2-256";
 const NO_COMPRESSION: &str = "none";
 
@@ -43,12 +43,12 @@ struct Offer {
     /// There is one of each algorithm in common.
     suits: bool,
     strict: bool,
-    /// A message follows which is for a method that was not chosen.
+    /// The next message is a wrong guess, to be ignored.
     guessed_wrong: bool,
 }
 
 impl Offer {
-    /// Reads it, and looks whether there is each algorithm in it.
+    /// Parses the offer, and checks it for each algorithm.
     fn of(payload: &[u8]) -> Result<Self, Error> {
         let mut reader = Reader::new(payload);
         if reader.byte()? != EXCHANGE {
@@ -145,7 +145,7 @@ impl<S: Read + Write> Link<'_, S> {
         hash.string(self.outgoing.compose(EXCHANGE, |message| write_offer(message, &cookie))?);
         self.outgoing.send(&mut self.stream).await?;
         if !suits {
-            // By now the client can tell its user what it lacks.
+            // Only now, so that the client can tell its user which algorithm is missing.
             return Err(Error::NO_COMMON_ALGORITHM);
         }
         if guessed_wrong {

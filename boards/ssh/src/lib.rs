@@ -1,9 +1,9 @@
 //! The console by SSH, for boards: a server without allocation, for one session at a time on any stream.
 //!
-//! The path of a session: [`serve`] gets a connection. Both sides say what they are and agree on keys (`link`, `exchange`); somebody
-//! logs in as the gateway decides (`log_in`); the client opens a channel and asks for a shell or has a line run (`channel`). From then
-//! on two futures share a `terminal`: the console, and what passes its bytes to the client and back. At the end the client gets the
-//! exit status.
+//! The path of a session: [`serve`] gets a connection. Both sides identify themselves and exchange keys (`link`, `exchange`); the gateway
+//! decides about the log-in (`log_in`); the client opens a channel and asks for a shell, or for a line to be run (`channel`). From then
+//! on two futures share a `terminal`: the console, and the one that carries its bytes to the client and back. At the end the client
+//! gets the exit status.
 //!
 //! There is one algorithm of each kind: `curve25519-sha256`, `ssh-ed25519`, `chacha20-poly1305@openssh.com`. Nothing but sessions is
 //! served: no forwarding, no agent, no subsystem. What a client sends is checked before it is used, and what is wrong ends the

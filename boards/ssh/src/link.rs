@@ -11,9 +11,9 @@ use crate::exchange::Agreed;
 use crate::packets::{Incoming, Outgoing};
 use crate::wire::{Reader, Writer};
 
-/// What the server says it is.
+/// The server's identification.
 pub(crate) const IDENTIFICATION: &str = "SSH-2.0-mobgate";
-/// The longest that a client may say, with its line end (RFC 4253, 4.2).
+/// Longest identification of a client, with its line end (RFC 4253, 4.2).
 const IDENTIFICATION_BYTES_MAX: usize = 255;
 
 const DISCONNECT: u8 = 1;
@@ -37,9 +37,9 @@ pub(crate) struct Link<'b, S> {
     pub(crate) incoming: Incoming,
     pub(crate) outgoing: Outgoing,
     pub(crate) secrets: Secrets<'b>,
-    /// What the client says it is.
+    /// The client's identification.
     pub(crate) client: Vec<u8, IDENTIFICATION_BYTES_MAX>,
-    /// What was agreed on first; `None` before.
+    /// The first key exchange's result; `None` before it.
     pub(crate) agreed: Option<Agreed>,
 }
 
@@ -49,7 +49,7 @@ impl<'b, S: Read + Write> Link<'b, S> {
         Self { stream, incoming, outgoing, secrets, client: Vec::new(), agreed: None }
     }
 
-    /// Says what this is, learns what the client is, and agrees on keys.
+    /// Exchanges identifications, then keys.
     pub(crate) async fn begin(&mut self) -> Result<(), Error> {
         let (own, end) = (IDENTIFICATION.as_bytes(), b"\r\n");
         self.stream.write_all(own).await.map_err(|_| Error::Closed)?;
@@ -83,7 +83,7 @@ impl<'b, S: Read + Write> Link<'b, S> {
         self.incoming.fill(&mut self.stream).await
     }
 
-    /// The next packet that has arrived and is for the layers above, if there is one. New keys are agreed on when the client wants it.
+    /// The next packet that has arrived for the layers above, if any. Re-keys when the client asks for it.
     /// A pending future must not be dropped, unless the connection ends.
     pub(crate) async fn arrived(&mut self) -> Result<Option<Range<usize>>, Error> {
         while let Some(payload) = self.incoming.next()? {
@@ -123,13 +123,13 @@ impl<'b, S: Read + Write> Link<'b, S> {
         self.outgoing.send(&mut self.stream).await
     }
 
-    /// Says that the last packet is not understood (RFC 4253, 11.4).
+    /// Sends SSH_MSG_UNIMPLEMENTED for the last packet (RFC 4253, 11.4).
     pub(crate) async fn unimplemented(&mut self) -> Result<(), Error> {
         let number = self.incoming.sequence().wrapping_sub(1);
         self.send(UNIMPLEMENTED, |message| _ = message.number(number)).await
     }
 
-    /// Says why the connection ends.
+    /// Sends the reason for the end of the connection.
     pub(crate) async fn disconnect(&mut self, reason: u32) -> Result<(), Error> {
         self.send(DISCONNECT, |message| _ = message.number(reason).string(b"").string(b"")).await
     }

@@ -23,7 +23,7 @@ const FAILURE: u8 = 51;
 const SUCCESS: u8 = 52;
 const KEY_ACCEPTED: u8 = 60;
 
-/// Requests that end a connection without a success.
+/// Failed requests after which a connection ends.
 const REQUESTS_MAX: usize = 12;
 /// A refusal takes this long, whatever the reason.
 const REFUSAL: Duration = Duration::from_millis(300);
@@ -39,7 +39,7 @@ const SIGNED_BYTES_MAX: usize =
 /// The name of a user of the settings.
 pub(crate) type UserName = String<NAME_BYTES_MAX>;
 
-/// What a client logs in with. `Other` has no chance, and is not counted: clients ask what there is by it.
+/// Credentials. `Other` always fails and is not counted: clients use it to ask for the methods.
 enum Method<'m> {
     Key { key: Key<'m>, proof: Option<Proof<'m>> },
     Password(&'m str),
@@ -64,13 +64,13 @@ struct Request<'m> {
     method: Method<'m>,
 }
 
-/// What becomes of a request.
+/// The decision about a request.
 enum Decision {
     Success(UserName),
-    /// The key will do; the proof is to come.
+    /// The key is known; the client may prove that it has it.
     Accepted([u8; BLOB_BYTES]),
     Failure,
-    /// A failure that is told at once.
+    /// A failure without a delay.
     Question,
 }
 
@@ -79,7 +79,7 @@ pub(crate) struct Judge<'j, 'g, Y> {
     pub(crate) gateway: &'j Gateway<'g>,
     pub(crate) system: &'j Y,
     pub(crate) peer: IpAddr,
-    /// Whether users may have passwords on this board.
+    /// See [`Board::passwords`](crate::Board::passwords).
     pub(crate) passwords: bool,
 }
 
@@ -150,11 +150,11 @@ impl<Y: System> Judge<'_, '_, Y> {
             Method::Key { key, proof } => {
                 let mut text = [0; BLOB_TEXT_BYTES];
                 let text = key.text(&mut text);
-                // The settings first: whoever has none of their keys takes none of the processor's time for a signature.
+                // Looked up first: an unknown key costs no time for verifying a signature.
                 let is_known = log_in(Credential::Offered { key: text, counts }).await;
                 match proof {
                     None if is_known => return Decision::Accepted(*key.blob),
-                    // A wrong proof is as a wrong key: it counts.
+                    // A wrong signature counts like a wrong key.
                     Some(proof) if is_known => {
                         let is_proved = key.has_signed(session, proof);
                         log_in(Credential::Key(if is_proved { text } else { "" })).await
@@ -216,7 +216,7 @@ impl<S: Read + Write> Link<'_, S> {
                     }
                     self.send(SERVICE_ACCEPT, |message| _ = message.string(b"ssh-userauth")).await?;
                 }
-                // Nothing of the layers above, before somebody has logged in.
+                // Nothing else is allowed before the log-in.
                 _ => return Err(Error::MALFORMED),
             }
         }

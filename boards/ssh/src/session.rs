@@ -25,10 +25,10 @@ use crate::{Error, SEED_BYTES};
 const LOG_IN_MAX: Duration = Duration::from_secs(60);
 /// A session without a packet, and without anything to show, for this long is ended.
 const IDLE_MAX: Duration = Duration::from_secs(30 * 60);
-/// Time for a client to close the channel behind the exit status, and for the last words of a connection.
+/// Time for a client to close the channel after the exit status, and for the disconnect message.
 const CLOSE_MAX: Duration = Duration::from_secs(2);
 
-/// Who has come, and by which port of the settings.
+/// Who has connected, and at which port of the settings.
 #[derive(Debug, Clone, Copy)]
 pub struct Visit {
     /// The client's address.
@@ -37,13 +37,13 @@ pub struct Visit {
     pub port: PortId,
 }
 
-/// What a board gives to a session.
+/// What a board provides for a session.
 pub struct Board<'b, St, U, Y> {
     /// What the host key is made of.
     pub seed: &'b [u8; SEED_BYTES],
     /// The board's information, random numbers and passwords.
     pub system: &'b Y,
-    /// Whether users may have passwords on this board; else they have keys only.
+    /// Whether passwords are offered to clients. A board whose [`System`] checks none, for want of memory for Argon2, offers keys only.
     pub passwords: bool,
     /// Storage of the settings, for this session alone.
     pub store: St,
@@ -90,7 +90,7 @@ pub async fn serve<S: Read + Write, St: Store, U: Update, Y: System>(
                 let ended =
                     console::run(gateway, &mut &terminal, &mut store, &mut update, system, mode).await;
                 done.signal(status(ended, kind));
-                // The client is to get all of it.
+                // The rest of the output is still to be sent.
                 pending::<Infallible>().await
             };
             match select(console, link.pass(&mut channel, &terminal, &done)).await {

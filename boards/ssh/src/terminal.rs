@@ -1,4 +1,4 @@
-//! What is between a channel and its console: the bytes that were typed, and those that are to be shown.
+//! Connects a channel and its console: buffers the bytes typed, and those to be shown.
 
 use core::cell::Cell;
 use core::convert::Infallible;

@@ -72,7 +72,6 @@ impl Dma {
         transmit: Peri<'static, W>,
         interrupts: impl Binding<R::Interrupt, InterruptHandler<R>>
         + Binding<W::Interrupt, InterruptHandler<W>>
-        + Copy
         + 'static,
     ) -> Self {
         let (receives, transmits) = (receive.request(), transmit.request());

@@ -104,12 +104,11 @@ pub async fn run(spawner: Spawner, info: &'static Info, p: Peripherals) -> ! {
     spawn(spawner, runner, lines, network);
     // Images without EtherCAT are smaller, see Cargo.toml.
     #[cfg(feature = "ethercat")]
-    crate::ethercat::start(
-        spawner,
-        crate::ethercat::Wires::new(
-            p.SPI1, p.PA5, p.PB5, p.PA6, p.DMA2_CH3, p.DMA2_CH0, p.PD14, p.PD15, p.EXTI15, Interrupts,
-        ),
-    );
+    {
+        let bus = ((p.SPI1, p.PA5, p.PB5, p.PA6), (p.DMA2_CH3, p.DMA2_CH0), p.PD14);
+        let signals = ((p.PD15, p.EXTI15), (p.PF12, p.EXTI12), (p.PF13, p.EXTI13));
+        crate::ethercat::start(spawner, crate::ethercat::Wires::new(bus, signals, Interrupts));
+    }
     // One bank, see `flash`.
     #[cfg(feature = "f7")]
     let flash = Flash::new_blocking(p.FLASH);

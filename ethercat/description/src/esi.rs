@@ -130,6 +130,7 @@ fn write_device<W: Write>(xml: &mut Xml<'_, W>, device: &Device, slots: Option<&
             FileAccess::WithoutBoot | FileAccess::WithBoot => xml.empty("FoE", format_args!("")),
         }
     })?;
+    write_clocks(xml, device)?;
     slots.map_or(Ok(()), |slots| modules::write_slots(xml, slots))?;
     xml.within("Eeprom", format_args!(""), |xml| {
         xml.text("ByteSize", format_args!("{SII_BYTES}"))?;
@@ -139,6 +140,47 @@ fn write_device<W: Write>(xml: &mut Xml<'_, W>, device: &Device, slots: Option<&
             FileAccess::WithBoot => xml.text("BootStrap", format_args!("{}", xml::Hex(&mailboxes(device)))),
             FileAccess::None | FileAccess::WithoutBoot => Ok(()),
         }
+    })
+}
+
+/// The elements of each signal.
+const SYNC0: [&str; 2] = ["CycleTimeSync0", "ShiftTimeSync0"];
+const SYNC1: [&str; 2] = ["CycleTimeSync1", "ShiftTimeSync1"];
+
+/// The ways to synchronise: with the SyncManagers, at SYNC0, and with inputs at SYNC1.
+fn write_clocks<W: Write>(xml: &mut Xml<'_, W>, device: &Device) -> Result<(), Error> {
+    let offer = device.sync_offer();
+    if !offer.sync0 {
+        return Ok(());
+    }
+    xml.within("Dc", format_args!(""), |xml| {
+        write_mode(xml, "SM-Synchron", "Outputs and inputs with the frames", 0, &[])?;
+        write_mode(xml, "DC-Sync0", "Outputs and inputs at SYNC0", 0x0300, &[SYNC0])?;
+        match offer.sync1 {
+            true => {
+                write_mode(xml, "DC-Sync01", "Outputs at SYNC0, inputs at SYNC1", 0x0700, &[SYNC0, SYNC1])
+            }
+            false => Ok(()),
+        }
+    })
+}
+
+/// A mode that writes `activate` into registers 0980h and 0981h, with signals in the cycle of the frames.
+fn write_mode<W: Write>(
+    xml: &mut Xml<'_, W>,
+    name: &str,
+    text: &str,
+    activate: u16,
+    signals: &[[&'static str; 2]],
+) -> Result<(), Error> {
+    xml.within("OpMode", format_args!(""), |xml| {
+        xml.text("Name", format_args!("{name}"))?;
+        xml.text("Desc", format_args!("{text}"))?;
+        xml.text("AssignActivate", format_args!("#x{activate:04X}"))?;
+        signals.iter().try_for_each(|&[cycle, shift]| {
+            xml.element(cycle, format_args!(" Factor=\"1\""), format_args!("0"))?;
+            xml.text(shift, format_args!("0"))
+        })
     })
 }
 

@@ -2,6 +2,7 @@
 
 use crate::Nanos;
 use crate::chip::Chip;
+use crate::dc::latch;
 use crate::fmmu;
 use crate::registers::*;
 use crate::sync_manager::{self, Side};
@@ -19,6 +20,7 @@ impl Chip {
             _ if fmmus.contains(&address) => side == Side::Ecat && address % fmmu::BYTES < 13,
             _ if managers.contains(&address) => self.may_write_manager(side, address),
             _ if sync_writes(address) => side == sync_owner,
+            0x09A8..=0x09A9 => side == latch::owner(&self.memory, usize::from(address - LATCH_CONTROL)),
             _ if side == Side::Ecat => ecat_writes(address),
             _ => pdi_writes(address),
         }

@@ -27,7 +27,9 @@ use controllers::{PAUSE, POWER_ON, SPI_PAUSE};
 
 pub use application::{Bench, Shared};
 pub use controllers::{CHOICE, CONTROLLERS, Controller, lan9252_with};
-pub use devices::{FILES_34, FILES_128, LARGE_BYTES, MAILBOX_34, MAILBOX_64, MAILBOX_128};
+pub use devices::{
+    CLOCKED, CLOCKED_16, FILES_34, FILES_128, LARGE_BYTES, MAILBOX_34, MAILBOX_64, MAILBOX_128,
+};
 pub use files::{BenchFiles, FILE_BYTES_MAX, FIRMWARE, PASSWORD};
 
 /// Init, as coded in AL control and AL status.
@@ -132,8 +134,11 @@ impl<A: Application + 'static> Rig<A> {
         let line = sub_device::line_of_kind(kind, device);
         let chip = line.borrow().chip(0);
         let application = Shared::new(application);
+        let pins = chip.clone();
         let (esc, interrupt) = reach(chip);
-        let sub_device = SubDevice::new(device, esc, application.clone());
+        let signals =
+            device.sync_offer().sync0.then(|| sub_device::note_pulses(&world, &pins, Duration::MIN));
+        let sub_device = SubDevice::new(device, esc, application.clone()).with_sync(signals);
         match edges {
             false => sub_device::spawn(&world, sub_device, interrupt),
             true => sub_device::spawn_by_edges(&world, sub_device, interrupt),

@@ -9,6 +9,8 @@ use ethercat_subdevice::device::Device;
 
 use crate::Nanos;
 use crate::dc::Clock;
+use crate::dc::latch::Latches;
+use crate::dc::sync::{SyncLine, SyncUnit};
 use crate::eeprom::Eeprom;
 use crate::events::Events;
 use crate::memory::Memory;
@@ -68,6 +70,8 @@ pub struct Chip {
     pub(crate) managers: SyncManagers,
     pub(crate) events: Events,
     pub(crate) clock: Clock,
+    pub(crate) sync: SyncUnit,
+    pub(crate) latches: Latches,
     pub(crate) process_watchdog: Watchdog,
     pub(crate) pdi_watchdog: Watchdog,
     pub(crate) ports: [bool; 4],
@@ -91,6 +95,8 @@ impl Chip {
             managers: SyncManagers::new(&Memory::new(usize::from(PROCESS_RAM)), kind.sync_managers),
             events: Events::default(),
             clock: Clock::default(),
+            sync: SyncUnit::default(),
+            latches: Latches::default(),
             process_watchdog: Watchdog::of_process_data(),
             pdi_watchdog: Watchdog::of_pdi(),
             ports: [true, false, false, false],
@@ -138,7 +144,26 @@ impl Chip {
 
     /// SYNC0 pulses since the SYNC unit was activated (I, Distributed Clocks, "SyncSignals"; II, 0981h).
     pub fn sync0_pulses(&self) -> u64 {
-        self.clock.pulses()
+        self.sync.pulses(SyncLine::Sync0)
+    }
+
+    /// All pulses at the pin of `line`, and when the last one began. None, if the EEPROM makes the pin an input.
+    pub fn pulses_at_pin(&self, line: SyncLine) -> Option<(u64, Nanos)> {
+        let is_output = self.memory.byte(PDI_CONFIG + 1) & line.is_output() != 0;
+        Some(self.sync.at_pin(line)).filter(|(count, _)| is_output && *count > 0)
+    }
+
+    /// Sets the level of the pin LATCH0 or LATCH1, in place of which a chip has the SYNC signal of that number if the EEPROM says so
+    /// (I, Distributed Clocks, "LatchSignals"; II, 09A8h to 09CFh).
+    ///
+    /// # Panics
+    /// If `nth` is greater than 1.
+    pub fn set_latch(&mut self, nth: usize, level: bool, at: Nanos) {
+        self.advance(at);
+        let time = self.clock.system(&self.memory, at);
+        self.latches.set(&mut self.memory, nth, level, time);
+        self.refresh(at);
+        self.wake();
     }
 
     /// Performs everything due by `at`, and updates the computed registers.
@@ -148,7 +173,8 @@ impl Chip {
         }
         self.pdi_watchdog.advance(&mut self.memory, at);
         self.switch_off(at);
-        self.clock.advance(&self.memory, at);
+        let time = self.clock.system(&self.memory, at);
+        self.sync.advance(&self.memory, time, at);
         if let Some(config) = self.eeprom.advance(&mut self.memory, at) {
             self.configure(&config);
         }
@@ -159,7 +185,13 @@ impl Chip {
     pub fn next_change(&self, at: Nanos) -> Option<Nanos> {
         let others = [self.process_watchdog.next(), self.pdi_watchdog.next(), self.eeprom.next()];
         let switching = self.switching_off.iter().map(|(_, due)| Some(*due));
-        others.into_iter().chain(switching).chain([self.clock.next(&self.memory, at)]).flatten().min()
+        others.into_iter().chain(switching).chain([self.next_sync(at)]).flatten().min()
+    }
+
+    /// World time of the next change of a SYNC signal; rather early than late if the clock drifts.
+    fn next_sync(&self, at: Nanos) -> Option<Nanos> {
+        let time = self.clock.system(&self.memory, at);
+        self.sync.next().map(|next| at.saturating_add(next.saturating_sub(time)))
     }
 
     /// Registers `waker` for the next frame or access.

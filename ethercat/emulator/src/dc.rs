@@ -1,20 +1,16 @@
-//! Distributed clocks (I, Distributed Clocks; II, 0900h to 09FFh), as far as a MainDevice's start-up needs them: receive times,
-//! system time, drift control, SYNC0.
+//! Distributed clocks (I, Distributed Clocks; II, 0900h to 09FFh): receive times, system time and drift control here; SYNC0 and
+//! SYNC1 ([`sync`]), LATCH0 and LATCH1 ([`latch`]).
+
+pub(crate) mod latch;
+pub(crate) mod sync;
 
 use crate::Nanos;
 use crate::memory::Memory;
 use crate::registers::{
-    PDI_CONFIG, PULSE_LENGTH, RECEIVE_TIME_UNIT, RECEIVE_TIMES, START_TIME, SYNC_ACTIVATION, SYNC_STATUS,
-    SYNC0_CYCLE, SYNC0_STATUS, SYSTEM_TIME, TIME_DELAY, TIME_DIFFERENCE, TIME_OFFSET,
+    RECEIVE_TIME_UNIT, RECEIVE_TIMES, SYSTEM_TIME, TIME_DELAY, TIME_DIFFERENCE, TIME_OFFSET,
 };
 
-const UNIT_ON: u8 = 1;
-const SYNC0_ON: u8 = 1 << 1;
-/// In register 0151h: SYNC0 is mapped to the AL event request.
-const SYNC0_IS_EVENT: u8 = 1 << 3;
-const PULSE_UNIT_NANOS: u64 = 10;
-
-/// A chip's clock and its SYNC0 unit.
+/// A chip's clock.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Clock {
     /// Clock value at world time 0: no two chips are powered on at the same time.
@@ -23,10 +19,6 @@ pub(crate) struct Clock {
     pub(crate) drift_ppm: i64,
     /// Correction accumulated by the control loop.
     correction: i64,
-    next_pulse: Option<Nanos>,
-    event_until: Option<Nanos>,
-    event: bool,
-    pulses: u64,
 }
 
 impl Clock {
@@ -36,7 +28,7 @@ impl Clock {
         ((self.start + at) as i64 + drift).wrapping_add(self.correction)
     }
 
-    fn system(&self, memory: &Memory, at: Nanos) -> u64 {
+    pub(crate) fn system(&self, memory: &Memory, at: Nanos) -> u64 {
         self.local(at).wrapping_add(memory.quad_word(TIME_OFFSET) as i64) as u64
     }
 
@@ -45,11 +37,6 @@ impl Clock {
         let delay = u64::from(memory.double_word(TIME_DELAY));
         let time = self.system(memory, at).wrapping_sub(delay);
         memory.put(SYSTEM_TIME, &time.to_le_bytes());
-        if let Some(next) = self.next_pulse {
-            memory.put(START_TIME, &next.to_le_bytes());
-        }
-        memory.set_byte(SYNC_STATUS, u8::from(self.next_pulse.is_some() && self.pulses == 0));
-        memory.set_byte(SYNC0_STATUS, u8::from(self.event));
     }
 
     /// System time as the processor reads it.
@@ -76,56 +63,5 @@ impl Clock {
         self.correction = self.correction.wrapping_sub(i64::from(ahead) / 2);
         let sign = if ahead < 0 { 1 << 31 } else { 0 };
         memory.put(TIME_DIFFERENCE, &(ahead.unsigned_abs() | sign).to_le_bytes());
-    }
-
-    /// Handles a write to the activation register. A start time in the past gives no pulse.
-    pub(crate) fn activate(&mut self, memory: &Memory, at: Nanos) {
-        let wanted = memory.byte(SYNC_ACTIVATION) & (UNIT_ON | SYNC0_ON) == UNIT_ON | SYNC0_ON;
-        let start = memory.quad_word(START_TIME);
-        self.next_pulse = (wanted && start > self.system(memory, at)).then_some(start);
-        self.pulses = 0;
-        if !wanted {
-            self.event = false;
-        }
-    }
-
-    /// Generates the pulses that are due.
-    pub(crate) fn advance(&mut self, memory: &Memory, at: Nanos) {
-        let time = self.system(memory, at);
-        if let Some(due) = self.next_pulse.filter(|due| *due <= time) {
-            let cycle = u64::from(memory.double_word(SYNC0_CYCLE));
-            let missed = (time - due).checked_div(cycle).unwrap_or(0);
-            let last = due + missed * cycle;
-            self.pulses = self.pulses.saturating_add(missed).saturating_add(1);
-            self.next_pulse = last.checked_add(cycle).filter(|_| cycle > 0);
-            let length = u64::from(memory.word(PULSE_LENGTH)) * PULSE_UNIT_NANOS;
-            self.event = memory.byte(PDI_CONFIG + 1) & SYNC0_IS_EVENT != 0;
-            self.event_until = (length > 0).then_some(last.saturating_add(length));
-        }
-        if self.event_until.take_if(|until| *until <= time).is_some() {
-            self.event = false;
-        }
-    }
-
-    /// The processor has read the SYNC0 status, which ends the event in acknowledge mode.
-    pub(crate) fn acknowledge(&mut self) {
-        if self.event_until.is_none() {
-            self.event = false;
-        }
-    }
-
-    pub(crate) fn sync0_event(&self) -> bool {
-        self.event
-    }
-
-    /// SYNC0 pulses since the activation.
-    pub(crate) fn pulses(&self) -> u64 {
-        self.pulses
-    }
-
-    /// World time of the next change; rather early than late if the clock drifts.
-    pub(crate) fn next(&self, memory: &Memory, at: Nanos) -> Option<Nanos> {
-        let next = [self.next_pulse, self.event_until].into_iter().flatten().min()?;
-        Some(at.saturating_add(next.saturating_sub(self.system(memory, at))))
     }
 }

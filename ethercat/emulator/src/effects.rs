@@ -2,6 +2,7 @@
 
 use crate::Nanos;
 use crate::chip::Chip;
+use crate::dc::sync::{SyncLine, SyncUnit};
 use crate::registers::*;
 use crate::sync_manager::{self, Side};
 
@@ -35,9 +36,16 @@ impl Chip {
                 let reference = self.memory.double_word(SYSTEM_TIME);
                 self.clock.compare(&mut self.memory, reference, at);
             }
-            SYNC_ACTIVATION => self.clock.activate(&self.memory, at),
+            SYNC_ACTIVATION => self.activate_sync(at),
+            // The last byte of the start time.
+            0x0997 if SyncUnit::starts_by_time(&mut self.memory) => self.activate_sync(at),
             _ => {}
         }
+    }
+
+    pub(crate) fn activate_sync(&mut self, at: Nanos) {
+        let time = self.clock.system(&self.memory, at);
+        self.sync.activate(&self.memory, time);
     }
 
     /// In device emulation, AL status follows AL control without the processor.
@@ -91,7 +99,9 @@ impl Chip {
             0x0800..=0x08FF if address % sync_manager::BYTES == sync_manager::ACTIVATE => {
                 self.events.activation &= !(1 << ((address - SYNC_MANAGER) / sync_manager::BYTES));
             }
-            SYNC0_STATUS => self.clock.acknowledge(),
+            SYNC0_STATUS => self.sync.acknowledge(SyncLine::Sync0),
+            SYNC1_STATUS => self.sync.acknowledge(SyncLine::Sync1),
+            0x09B0..=0x09CF => self.latches.read(&self.memory, Side::Pdi, address),
             _ => {}
         }
     }
@@ -109,9 +119,13 @@ impl Chip {
         memory.put(EEPROM_CONTROL, &self.eeprom.status().to_le_bytes());
         self.managers.refresh(memory);
         self.clock.show(memory, at);
+        self.sync.show(memory);
+        self.latches.show(memory);
+        self.events.latched = [Side::Ecat, Side::Pdi].map(|side| self.latches.is_event(memory, side));
+        self.events.sync = SyncLine::ALL.map(|line| self.sync.is_event(memory, line));
         let ecat = self.events.to_main_device(&self.managers);
         memory.put(ECAT_EVENT, &ecat.to_le_bytes());
-        let al = self.events.to_processor(&self.managers, &self.clock);
+        let al = self.events.to_processor(&self.managers);
         memory.put(AL_EVENT, &al.to_le_bytes());
     }
 }

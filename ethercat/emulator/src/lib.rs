@@ -3,8 +3,8 @@
 //! In hardware a SubDevice has a controller chip that reads and modifies EtherCAT frames on the fly, and a processor behind the
 //! chip's process data interface (PDI). A [`Chip`] emulates the former at register level, so that a SubDevice stack runs unchanged,
 //! and a MainDevice finds what it expects: type and features, DL and AL registers, FMMUs, SyncManagers with mailboxes and triple
-//! buffers, watchdogs, events, error counters, the EEPROM with the SubDevice information, and distributed clocks as far as a
-//! start-up needs them.
+//! buffers, watchdogs, events, error counters, the EEPROM with the SubDevice information, and distributed clocks with
+//! SYNC and LATCH signals.
 //!
 //! Use it for development, tests and training; with the feature `interface` it can be a SubDevice on a Linux network interface, at
 //! cycles of a millisecond and more. It does not replace a chip where timing matters: a frame waits for a process to wake up, and
@@ -57,7 +57,7 @@
 //!
 //! - Ports carry only frames: no PHY management (MII, registers 0510h and following), no CRC errors.
 //! - Register write protection (0020h to 0031h), LEDs, and digital inputs and outputs are absent.
-//! - Distributed clocks have the receive times, system time, drift control and SYNC0; SYNC1 and latches are absent.
+//! - The control loop of distributed clocks corrects half of each difference at once, where a chip changes its clock's speed.
 //! - Writes to the EEPROM are lost with the [`Chip`], unless its owner saves
 //!   [`Eeprom::content`](eeprom::Eeprom::content).
 #![forbid(unsafe_code)]
@@ -105,12 +105,13 @@ mod watchdog;
 pub use cable::{Cable, FrameFaults, SharedSegment};
 pub use chip::{Chip, Kind, SharedChip};
 pub use command::Command;
+pub use dc::sync::SyncLine;
 #[cfg(feature = "bench")] // As above.
 pub use lan9252::Lan9252;
 pub use main_device::MainDevice;
 #[cfg(feature = "bench")] // As above.
 pub use mobgate_world::{self as world, Random, World};
-pub use pdi::{DirectPdi, Interrupt};
+pub use pdi::{DirectPdi, Interrupt, SyncPin};
 pub use probe::Answer;
 pub use segment::{Fate, Segment};
 

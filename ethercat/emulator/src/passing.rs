@@ -30,6 +30,8 @@ struct Pending {
     datagram: usize,
     al_status_read: bool,
     dl_status_read: bool,
+    /// First bytes of latched times that were read.
+    times_read: Vec<u16>,
 }
 
 impl Pending {
@@ -54,6 +56,7 @@ impl Chip {
             datagram: 0,
             al_status_read: false,
             dl_status_read: false,
+            times_read: Vec::new(),
         };
         for (nth, mut datagram) in datagrams.enumerate() {
             pending.datagram = nth;
@@ -151,6 +154,9 @@ impl Chip {
         let address = if address < PROCESS_RAM {
             pending.al_status_read |= address == AL_STATUS;
             pending.dl_status_read |= address == DL_STATUS;
+            if (LATCH_TIMES..LATCH_TIMES + 32).contains(&address) {
+                pending.times_read.push(address);
+            }
             address
         } else {
             pending.managers.step(Side::Ecat, false, address)?
@@ -210,6 +216,9 @@ impl Chip {
     fn commit(&mut self, at: Nanos, pending: Pending) {
         self.events.al_status &= !pending.al_status_read;
         self.events.dl_status &= !pending.dl_status_read;
+        for address in &pending.times_read {
+            self.latches.read(&self.memory, Side::Ecat, *address);
+        }
         self.managers = pending.managers;
         for writes in pending.writes.chunk_by(|one, other| one.datagram == other.datagram) {
             for write in writes {

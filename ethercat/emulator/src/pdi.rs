@@ -11,6 +11,7 @@ use embedded_hal_async::digital::Wait;
 use ethercat_subdevice::esc::{Esc, EscError};
 
 use crate::chip::SharedChip;
+use crate::dc::sync::SyncLine;
 use crate::registers::AL_EVENT;
 use crate::{Nanos, now};
 
@@ -71,6 +72,34 @@ impl Interrupt {
         loop {
             if (self.level)(now()) == high {
                 return;
+            }
+            let next = self.chip.borrow().next_change(now());
+            select(changed(&self.chip), until(next)).await;
+        }
+    }
+}
+
+/// The pin of a SYNC signal (I, Distributed Clocks, "SyncSignals generation"), at a processor that notes each edge.
+pub struct SyncPin {
+    chip: SharedChip,
+    line: SyncLine,
+    seen: u64,
+}
+
+impl SyncPin {
+    /// The pin of `line`.
+    pub fn new(chip: SharedChip, line: SyncLine) -> Self {
+        Self { chip, line, seen: 0 }
+    }
+
+    /// Waits for the next pulse, and returns when it began. Pulses in between are left out.
+    pub async fn pulse(&mut self) -> Nanos {
+        loop {
+            self.chip.borrow_mut().advance(now());
+            let pulses = self.chip.borrow().pulses_at_pin(self.line);
+            if let Some((count, at)) = pulses.filter(|(count, _)| *count != self.seen) {
+                self.seen = count;
+                return at;
             }
             let next = self.chip.borrow().next_change(now());
             select(changed(&self.chip), until(next)).await;

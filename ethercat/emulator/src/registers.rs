@@ -97,12 +97,22 @@ registers! {
     SYNC_STATUS = 0x0984;
     /// State of SYNC0; reading acknowledges.
     SYNC0_STATUS = 0x098E;
+    /// State of SYNC1; reading acknowledges.
+    SYNC1_STATUS = 0x098F;
     /// Start time of the cyclic operation, then time of the next SYNC0 pulse.
     START_TIME = 0x0990;
+    /// Time of the next SYNC1 pulse.
+    NEXT_SYNC1 = 0x0998;
     /// SYNC0 cycle.
     SYNC0_CYCLE = 0x09A0;
-    /// SYNC1 cycle.
+    /// Time from a SYNC0 pulse to the SYNC1 pulse.
     SYNC1_CYCLE = 0x09A4;
+    /// Modes of LATCH0; LATCH1 is next.
+    LATCH_CONTROL = 0x09A8;
+    /// Events and level of LATCH0; LATCH1 is next.
+    LATCH_STATUS = 0x09AE;
+    /// Times of edges: LATCH0 rising, falling, LATCH1 rising, falling.
+    LATCH_TIMES = 0x09B0;
     /// User memory among the registers.
     USER_RAM = 0x0F80;
     /// The first byte of process data memory.

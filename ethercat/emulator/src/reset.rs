@@ -2,6 +2,7 @@
 //! area").
 
 use crate::chip::Chip;
+use crate::dc::latch::Latches;
 use crate::events::Events;
 use crate::registers::*;
 use crate::sync_manager::SyncManagers;
@@ -32,7 +33,8 @@ impl Chip {
             // Only at reset: a reload does not update the alias.
             self.memory.put(ALIAS, &config[8..10]);
         }
-        self.clock.activate(&self.memory, 0);
+        self.activate_sync(0);
+        self.latches = Latches::default();
     }
 
     fn first_values(&mut self) {

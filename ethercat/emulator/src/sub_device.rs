@@ -1,10 +1,13 @@
 //! An EtherCAT SubDevice on an emulated chip: an application that recognises each image, faults on the bus to the chip, and a
 //! MainDevice that starts it.
 
+mod clocked;
 mod echo;
 mod faulty;
-mod paced;
 #[cfg(feature = "ethercrab")] // Needs the ethercrab crate.
+mod in_step;
+mod paced;
+#[cfg(feature = "ethercrab")] // As above.
 mod start;
 
 use std::cell::RefCell;
@@ -22,8 +25,11 @@ use crate::cable::SharedSegment;
 use crate::{Chip, DirectPdi, Interrupt, Kind, Segment, SharedChip};
 use mobgate_world::World;
 
+pub use clocked::{Clocked, note_pulses};
 pub use echo::{Echo, SharedEcho, image, sequence};
 pub use faulty::{BusFaults, Counted, Counts, Faulty};
+#[cfg(feature = "ethercrab")] // As above.
+pub use in_step::{InStep, StepGroup, StepSetup, exchange_in_step, in_step};
 pub use paced::Paced;
 #[cfg(feature = "ethercrab")] // As above.
 pub use start::{

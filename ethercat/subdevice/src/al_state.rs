@@ -71,8 +71,24 @@ pub enum AlStatusCode {
     InvalidInputs = 0x001e,
     /// The requested synchronisation is not supported.
     SynchronisationNotSupported = 0x0028,
-    /// Distributed clocks are active, but not supported.
+    /// SYNC0 was lost in Op.
+    FatalSyncError = 0x002c,
+    /// SYNC0 did not come before Op.
+    NoSyncError = 0x002d,
+    /// The settings of distributed clocks are not supported, or not those of 1C32h and 1C33h.
     InvalidDcConfiguration = 0x0030,
+    /// A latch is assigned to the device.
+    InvalidLatchConfiguration = 0x0031,
+    /// Frames do not come in step with SYNC0.
+    PllError = 0x0032,
+    /// Too many pulses of SYNC0 were not served.
+    SyncIoError = 0x0033,
+    /// Too many cycles had no outputs.
+    SyncTimeout = 0x0034,
+    /// The cycle of the frames is too long.
+    InvalidSyncCycle = 0x0035,
+    /// The cycle of SYNC0 is too short.
+    InvalidSync0Cycle = 0x0036,
     /// The application has more inputs than the assigned PDOs carry.
     InvalidInputMapping = 0x0024,
     /// The application has more outputs than the assigned PDOs carry.

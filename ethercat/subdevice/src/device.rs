@@ -1,5 +1,6 @@
 //! Describes a device: its identity, its memory, and its objects. All information for MainDevices comes from here.
 
+use crate::clocks::{Offer, SYNC0_TYPE, SYNC1_TYPE};
 use crate::diagnosis::Text;
 use crate::foe::FileAccess;
 use crate::object::{Access, Entries, Object};
@@ -92,6 +93,19 @@ impl Device {
 
     fn assignment(&self, channel: Channel) -> Option<Entries> {
         self.object(0x1c10 + channel as u16).map(|object| object.entries)
+    }
+
+    /// Which SYNC signals of distributed clocks the device can follow, by 1C32h:04 and 1C33h:04.
+    pub fn sync_offer(&self) -> Offer {
+        let types = |index| {
+            let entry = self.object(index).and_then(|object| object.entry(4));
+            entry.and_then(|entry| entry.default_number()).unwrap_or(0)
+        };
+        let (outputs, inputs) = (types(0x1c32), types(0x1c33));
+        Offer {
+            sync0: outputs & inputs & u64::from(SYNC0_TYPE) != 0,
+            sync1: inputs & u64::from(SYNC1_TYPE) != 0,
+        }
     }
 
     /// Bytes of a SyncManager after power-on.

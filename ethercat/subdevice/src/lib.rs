@@ -8,7 +8,7 @@
 //! * a message passes the mailbox ([`mailbox`]), which dispatches by protocol: CoE ([`coe`]) serves the object dictionary
 //!   ([`dictionary`]), FoE ([`foe`]) the application's files;
 //! * process data ([`process`]) are exchanged with the application ([`application`]), PDO by PDO as assigned
-//!   ([`assignment`], [`communication`]).
+//!   ([`assignment`], [`communication`]): in free run, with the frames, or by distributed clocks ([`clocks`]).
 //!
 //! A device consists of a table, values, and a task:
 //!
@@ -81,6 +81,7 @@ pub mod al_state;
 pub mod application;
 pub mod assignment;
 pub mod catalogue;
+pub mod clocks;
 pub mod coe;
 pub mod communication;
 pub mod device;

@@ -20,8 +20,10 @@ pub const AL_EVENT_REQUEST: u16 = 0x0220;
 pub const WATCHDOG_STATUS: u16 = 0x0440;
 /// The SyncManagers, [`SYNC_MANAGER_BYTES`] each.
 pub const SYNC_MANAGERS: u16 = 0x0800;
-/// Distributed clocks: activation of the cyclic unit and of SYNC0 and SYNC1, one byte.
-pub const DC_ACTIVATION: u16 = 0x0981;
+/// Distributed clocks: who controls the SYNC and LATCH units, one byte; the next is the activation of SYNC0 and SYNC1.
+pub const SYNC_CONTROL: u16 = 0x0980;
+/// The cycle of SYNC0, and the time from SYNC0 to SYNC1, four bytes each.
+pub const SYNC_CYCLES: u16 = 0x09a0;
 
 /// Size of one SyncManager's block.
 pub const SYNC_MANAGER_BYTES: u16 = 8;

@@ -1,5 +1,6 @@
 //! The standard objects of devices with a mailbox (ETG.1000.6, clause 5.6.7; ETG.1020).
 
+use crate::clocks::{SYNC0_TYPE, SYNC1_TYPE};
 use crate::device::Identity;
 use crate::diagnosis::{FIRST_MESSAGE, MESSAGE_BYTES, MESSAGES};
 use crate::object::{Access, DataType, Entries, Entry, Object, Value};
@@ -39,12 +40,12 @@ pub const fn identity_entries(identity: Identity) -> [Entry; 4] {
     ]
 }
 
-/// 10F1h, reaction to local errors and lost synchronisation: nothing is configurable.
+/// 10F1h, reaction to local errors and lost synchronisation.
 pub const ERROR_SETTINGS: Object = {
     const ENTRIES: [Entry; 2] = [
         Entry::number("Local error reaction", DataType::U32, 0),
-        // No limit.
-        Entry::number("Sync error counter limit", DataType::U16, 0),
+        // A cycle without outputs or SYNC0 counts 3, a good one -1; 0 is no limit.
+        Entry::of_stack("Sync error counter limit", DataType::U16, 0, Access::READ.and(Access::WRITE)),
     ];
     Object::record(0x10f1, "Error settings", &ENTRIES)
 };
@@ -91,7 +92,7 @@ pub const fn tx_assignment(initial: &'static [u16], access: Access) -> Object {
 }
 
 /// Supported synchronisation types: free run (bit 0) and SyncManager event (bit 1).
-const SYNC_TYPES: u32 = 0b11;
+pub(crate) const SYNC_TYPES: u32 = 0b11;
 /// Writing 2 to 1C32h:08 or 1C33h:08 resets the counters of that object.
 pub const RESET_COUNTERS: u16 = 2;
 
@@ -114,6 +115,35 @@ const fn synchronisation(default: u32) -> [Entry; 32] {
     entries[0x1f] = Entry::number("Synchronisation error", DataType::Bool, 0);
     entries
 }
+
+/// The same for a device with SYNC signals.
+const fn clocked(default: u32, more: u32) -> [Entry; 32] {
+    const fn told(entry: Entry) -> Entry {
+        Entry { value: Value::Stack(0), ..entry }
+    }
+    let mut entries = synchronisation(default);
+    entries[0x01] = told(entries[0x01]);
+    entries[0x02] = told(entries[0x02]);
+    // Without the signals it is less.
+    entries[0x03] = Entry { value: Value::Stack(SYNC_TYPES | more), ..entries[0x03] };
+    entries[0x05] = Entry { value: Value::Computed, ..entries[0x05] };
+    entries[0x09] = told(entries[0x09]);
+    entries[0x0b] = told(entries[0x0b]);
+    entries[0x1f] = told(entries[0x1f]);
+    entries
+}
+
+/// 1C32h of a device that has [`SyncSignals`](crate::clocks::SyncSignals).
+pub const OUTPUT_CLOCKS: Object = {
+    const ENTRIES: [Entry; 32] = clocked(0x01, SYNC0_TYPE);
+    Object::record(0x1c32, "Output SyncManager parameters", &ENTRIES)
+};
+
+/// 1C33h of a device that has them: inputs at SYNC0 or SYNC1.
+pub const INPUT_CLOCKS: Object = {
+    const ENTRIES: [Entry; 32] = clocked(0x22, SYNC0_TYPE | SYNC1_TYPE);
+    Object::record(0x1c33, "Input SyncManager parameters", &ENTRIES)
+};
 
 /// 1C32h, synchronisation of outputs.
 pub const OUTPUT_SYNCHRONISATION: Object = {

@@ -5,16 +5,17 @@
 //! room does not hold the interrupt asserted.
 
 mod checks;
+mod clocked;
 mod data;
 mod mail;
 mod states;
 
-use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Instant, Timer};
 
 use crate::al_state::{AlMachine, AlState};
 use crate::application::Application;
 use crate::catalogue::Catalogue;
+use crate::clocks::Clocks;
 use crate::coe::Coe;
 use crate::communication::{Communication, Synchronisation};
 use crate::device::Device;
@@ -38,6 +39,18 @@ const EMERGENCY_PAUSE: Duration = Duration::from_millis(20);
 pub const LOOK_INTERVAL: Duration = Duration::from_millis(50);
 /// Most passes in a row, whatever a MainDevice does meanwhile.
 const PASSES_MAX: usize = 64;
+
+/// Why the SubDevice wakes up.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Woken {
+    /// By the controller's interrupt.
+    Interrupt,
+    /// By a SYNC signal.
+    Pulse,
+    /// Something else is due.
+    Time,
+}
+
 /// Pause before a failed controller is restarted.
 pub const RESTART_PAUSE: Duration = Duration::from_millis(10);
 
@@ -72,6 +85,7 @@ pub struct SubDevice<E, A, const OUTPUTS: usize = OUTPUTS_BYTES, const INPUTS: u
     coe: Coe,
     foe: Foe,
     images: Images<OUTPUTS, INPUTS>,
+    clocks: Clocks,
     /// The interrupt mask as the controller has it.
     mask: Option<Events>,
     /// When the controller last proved that it was not reset.
@@ -102,6 +116,7 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
             coe: Coe::default(),
             foe: Foe::default(),
             images: Images::default(),
+            clocks: Clocks::default(),
             mask: None,
             proved: Instant::MIN,
             op_deadline: None,
@@ -123,6 +138,15 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
     /// The shortest cycle without missed outputs (1C32h:05): the bus cost plus the application's overhead.
     pub fn cycle_ns_min(&self) -> u32 {
         self.cycle_cost().nanos(self.application.cycle_fixed_ns())
+    }
+
+    /// The time to read outputs, from their frame on, and to write inputs (1C32h:06, 1C33h:06).
+    fn copy_ns(&self) -> [u32; 2] {
+        let (outputs, inputs) = (self.data_bytes(Channel::Outputs), self.data_bytes(Channel::Inputs));
+        let proves = self.application.proves_outputs();
+        let fixed = self.application.cycle_fixed_ns();
+        [(outputs, 0, proves), (0, inputs, false)]
+            .map(|(outputs, inputs, proves)| self.esc.cycle_cost(outputs, inputs, proves).nanos(fixed))
     }
 
     /// Number of outputs overwritten before they were taken, since SafeOp was entered (1C32h:0B).
@@ -164,19 +188,27 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
     /// Switches to `device` with its next start.
     pub fn become_device(&mut self, device: &'static Device) {
         (self.device, self.communication) = (device, Communication::new(device));
+        self.communication.offer = self.sync_offer();
     }
 
     async fn serve_until_fault(&mut self, attention: &mut impl AsyncFnMut()) -> Result<(), EscError> {
         self.start().await?;
-        let mut asked = false;
+        let mut woken = Woken::Time;
         loop {
-            self.serve_asked(asked).await?;
+            match woken {
+                // Nothing is asked of the controller.
+                Woken::Pulse => {
+                    self.serve_pulses().await?;
+                    self.update_mask().await?;
+                }
+                Woken::Interrupt | Woken::Time => self.serve_asked(woken == Woken::Interrupt).await?,
+            }
             if self.application.is_another_device() {
                 return Ok(());
             }
             let look = Instant::now() + LOOK_INTERVAL;
             let due = self.due().map_or(look, |due| due.min(look));
-            asked = matches!(select(attention(), Timer::at(due)).await, Either::First(()));
+            woken = self.wake_up(attention, due).await;
         }
     }
 
@@ -187,9 +219,12 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
 
     /// The same. If the controller `asked` for it, the event most likely announces new outputs.
     async fn serve_asked(&mut self, asked: bool) -> Result<(), EscError> {
-        let mut ahead = asked && self.al.state() == AlState::Op && self.data_bytes(Channel::Outputs) > 0;
+        let has_outputs = self.al.state() == AlState::Op && self.data_bytes(Channel::Outputs) > 0;
+        // Those that wait for SYNC0 are not overwritten without an event.
+        let mut ahead = asked && has_outputs && !self.clocks.have_outputs();
         // An interrupt that is still asserted triggers again, or the next check finds it.
         for _ in 0..PASSES_MAX {
+            self.serve_pulses().await?;
             if !self.pass(core::mem::take(&mut ahead)).await? {
                 break;
             }
@@ -219,7 +254,8 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
         let written = writes.then(|| Instant::now() + WRITING_PAUSE);
         let emergencies = self.al.state().has_objects() && self.application.sends_emergencies();
         let emergency = emergencies.then(|| Instant::now() + EMERGENCY_PAUSE);
-        [inputs, self.op_deadline, written, emergency].into_iter().flatten().min()
+        let sync = self.clocks.lost_at().filter(|_| self.al.state() == AlState::Op);
+        [inputs, self.op_deadline, written, emergency, sync].into_iter().flatten().min()
     }
 
     /// Serves one read of the events, with outputs read `ahead` or not; returns false once the interrupt is deasserted: an
@@ -261,6 +297,10 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
             && self.communication.synchronisation() == Some(Synchronisation::FreeRun)
     }
 
+    fn follows_frames(&self) -> bool {
+        self.communication.synchronisation() == Some(Synchronisation::SyncManager)
+    }
+
     /// The events that can be served now.
     fn wanted(&self) -> Events {
         let data = self.al.state().has_process_data();
@@ -271,7 +311,7 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
             .with_if(self.takes_requests(), Events::MAILBOX_WRITTEN)
             .with_if(self.waits_for_mailbox(), Events::MAILBOX_FETCHED)
             .with_if(data, Events(Events::WATCHDOG.0 | Events::OUTPUTS_WRITTEN.0))
-            .with_if(data && !self.runs_free() && !follow, Events::INPUTS_FETCHED)
+            .with_if(data && self.follows_frames() && !follow, Events::INPUTS_FETCHED)
     }
 
     async fn update_mask(&mut self) -> Result<(), EscError> {

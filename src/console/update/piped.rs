@@ -12,8 +12,8 @@ const SILENCE_MAX: Duration = Duration::from_secs(60);
 /// Pieces of a refused file that are dropped, at most: those of the longest image.
 const DROPPED_MAX: usize = 1 << 16;
 
-/// Takes all that comes up to the input's end, first what was read `ahead`, into `update`. Or returns why not; nothing if the rest does
-/// not come.
+/// Writes the input up to its end into `update`, beginning with what was read `ahead`. Returns why it failed; nothing if the input stops
+/// short.
 pub(super) async fn receive<IO: Read, U: Update>(
     stream: &mut IO,
     update: &mut U,
@@ -38,7 +38,7 @@ pub(super) async fn receive<IO: Read, U: Update>(
         }
     }
     update.discard();
-    // The rest of the file is no lines.
+    // The rest of the file must not be run as lines.
     for _ in 0..DROPPED_MAX {
         let read = with_timeout(SILENCE_MAX, stream.read(&mut chunk)).await;
         if read.unwrap_or(Ok(0))? == 0 {

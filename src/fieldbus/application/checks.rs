@@ -23,7 +23,7 @@ impl<F> GatewayObjects<'_, F> {
 
     /// Checks whether `keep` is possible, and `signature` is right.
     pub(super) fn check_keeping(&mut self, keep: Keep, signature: u64) -> Result<(), Abort> {
-        if signature != keep.signature().into() {
+        if signature != u64::from(keep.signature()) {
             return Err(Abort::NotStored);
         }
         let checked = match keep {

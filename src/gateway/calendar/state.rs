@@ -29,9 +29,9 @@ impl Calendar {
 pub(super) struct TimeState {
     /// When this run began.
     pub(super) start: Option<Date>,
-    /// Who has told it.
+    /// The server that it is from.
     pub(super) source: Option<ServerAddress>,
-    /// Why it was not told when it was last asked for.
+    /// Why the last request failed.
     pub(super) fault: Option<OpenError>,
 }
 

@@ -1,6 +1,6 @@
 //! What holds for all settings and all lines: printing recreates, and nothing panics.
 
-mod any;
+pub(crate) mod any;
 mod any_port;
 
 use std::format;

@@ -164,10 +164,11 @@ impl<'l, 'g, S: TcpStream> TcpConnection<'l, 'g, S> {
                     continue;
                 }
                 let now = Instant::now();
-                match self.step(now)? {
-                    Step::Send(request, unit) => self.send(request, unit, now).await?,
+                let (request, unit) = match self.step(now)? {
+                    Step::Send(request, unit) => (request, unit),
                     Step::Wait(due) => break due,
-                }
+                };
+                self.send(request, unit, now).await?;
             };
             if socket.busy(!self.pending_requests.is_empty() || self.begins()) {
                 // This connection may have to close in favour of another server.

@@ -115,12 +115,28 @@ impl<C: TcpConnect> ConnectionTask<'_, '_, C> {
     /// Connects to `server`, and serves its requests until the connection ends.
     async fn connect_and_serve(&self, server: usize, first_id: u16) -> Outcome {
         let Self { dispatcher, settings, connection, socket, .. } = self;
+        let stream = match self.connect(server).await {
+            Ok(stream) => stream,
+            Err(outcome) => return outcome,
+        };
+        // Borrowed, not moved: a future stores a moved argument twice.
+        let mut open =
+            TcpConnection::new(dispatcher, settings, stream, first_id, (*connection, server), socket);
+        let Err(end) = outlined(pin!(open.serve())).await;
+        let well = open.ended(end);
+        open.into_stream().close().await;
+        if well { Outcome::Well } else { Outcome::Failed(CLOSED_AT_ONCE) }
+    }
+
+    /// Connects to `server`. What that takes of the future's memory is the open connection's afterwards.
+    async fn connect(&self, server: usize) -> Result<C::Stream<'_>, Outcome> {
+        let Self { dispatcher, settings, connection, socket, .. } = self;
         let give_up = Instant::now() + settings.connect_timeout;
         let retry = !dispatcher.is_wanted(server);
         loop {
             socket.freed.reset();
             socket.opening(retry);
-            let Some(address) = dispatcher.address(server) else { return Outcome::Failed(NO_SERVER) };
+            let Some(address) = dispatcher.address(server) else { return Err(Outcome::Failed(NO_SERVER)) };
             let connected = with_deadline(give_up, self.open(&address));
             let error = match select(connected, socket.leave.wait()).await {
                 Either::First(Ok(Ok(stream))) => {
@@ -131,32 +147,20 @@ impl<C: TcpConnect> ConnectionTask<'_, '_, C> {
                     dispatcher.port_state().stats.count(Event::Connected);
                     socket.opened();
                     dispatcher.opened(server);
-                    // Borrowed, not moved: a future stores a moved argument twice.
-                    let mut open = TcpConnection::new(
-                        dispatcher,
-                        settings,
-                        stream,
-                        first_id,
-                        (*connection, server),
-                        socket,
-                    );
-                    let Err(end) = outlined(pin!(open.serve())).await;
-                    let well = open.ended(end);
-                    open.into_stream().close().await;
-                    return if well { Outcome::Well } else { Outcome::Failed(CLOSED_AT_ONCE) };
+                    return Ok(stream);
                 }
                 Either::First(Ok(Err(error))) => error,
                 Either::First(Err(_)) => OpenError::new(OpenErrorKind::TimedOut, ""),
-                Either::Second(()) => return Outcome::PutOff,
+                Either::Second(()) => return Err(Outcome::PutOff),
             };
             if error.kind != OpenErrorKind::Exhausted {
-                return Outcome::Failed(error);
+                return Err(Outcome::Failed(error));
             }
             let need = if retry { Need::Retry } else { Need::Request };
             let all = dispatcher.gateway().ports().iter().flat_map(|port_state| &port_state.sockets);
             socket::ask_for_one(all, need, Some((dispatcher.id(), *connection)));
             if Instant::now() >= give_up {
-                return Outcome::Failed(error);
+                return Err(Outcome::Failed(error));
             }
             let _ = with_timeout(SOCKET_PAUSE, socket.freed.wait()).await;
         }

@@ -54,6 +54,20 @@ export async function lines(path, body, each) {
   }
 }
 
+/// Sends a file, and tells how much of it has gone, from 0 to 1; the promise has the response.
+export function upload(path, file, progress) {
+  return new Promise((resolve, reject) => {
+    const request = new XMLHttpRequest();
+    request.open("POST", `/api/v1/${path}`);
+    request.setRequestHeader("Content-Type", "application/octet-stream");
+    request.responseType = "json";
+    request.upload.onprogress = ({ loaded, total }) => progress(loaded / total);
+    request.onload = () => (request.status === 200 ? resolve(request.response) : reject(new Error(request.response?.error?.message || request.statusText)));
+    request.onerror = () => reject(new Error(T.unreachable));
+    request.send(file);
+  });
+}
+
 /// The session has ended.
 export function leave() {
   app.user = null;
@@ -70,14 +84,20 @@ export function follow() {
   events?.close();
   const source = new EventSource("/api/v1/events");
   events = source;
-  source.onmessage = (event) => take(JSON.parse(event.data));
+  source.onmessage = (event) => {
+    app.polled = false;
+    take(JSON.parse(event.data));
+  };
   source.onerror = () => {
     if (source.readyState !== EventSource.CLOSED || events !== source) return;
     setTimeout(async () => {
       if (events !== source || !app.user) return;
-      await get("status").then(take, () => {});
+      await get("status").then((status) => {
+        app.polled = true;
+        take(status);
+      }, () => {});
       if (events === source && app.user) follow();
-    }, 1500);
+    }, 2000);
   };
 }
 

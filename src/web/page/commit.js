@@ -40,6 +40,7 @@ async function review() {
         h("span", { class: line.startsWith("+") ? "added" : "removed" }, `${line}\n`)))
       : h("p", null, T.candidate.same),
     h("p", { class: "quiet" }, diff.restarts.length ? `${T.candidate.restarts} ${diff.restarts.join(", ")}` : T.candidate.noRestarts),
+    diff.rules.length > 0 && h("ul", { class: "fault" }, diff.rules.map(({ message }) => h("li", null, message))),
     h("p", { class: "actions" },
       button(T.candidate.trial, () => done({ confirmed: TRIAL }), { class: "main" }),
       button(T.candidate.commit, () => done({})),

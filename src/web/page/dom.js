@@ -112,7 +112,7 @@ export function ask(title, content) {
       resolve(value);
     };
     const dialog = h("dialog", { "aria-labelledby": "dialog-title", oncancel: () => done() });
-    dialog.append(h("h2", { id: "dialog-title" }, title), ...content(done));
+    dialog.append(h("h2", { id: "dialog-title" }, title), ...content(done).filter(Boolean));
     document.body.append(dialog);
     dialog.showModal();
   });

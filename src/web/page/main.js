@@ -4,27 +4,33 @@ import { attempt } from "./api.js";
 import { candidateBar } from "./commit.js";
 import { devices } from "./devices.js";
 import { button, h, morph } from "./dom.js";
+import { ethercat } from "./ethercat.js";
+import { firmware } from "./firmware.js";
 import { frames } from "./frames.js";
 import { log } from "./log.js";
 import { begin, loginView, logOut } from "./login.js";
+import { network } from "./network.js";
 import { overview } from "./overview.js";
 import { points } from "./points.js";
 import { rules } from "./rules.js";
 import { settings } from "./settings.js";
 import { isFresh, setup } from "./setup.js";
-import { app, may, redraw } from "./state.js";
+import { app, redraw } from "./state.js";
 import { T } from "./texts.js";
 import { users } from "./users.js";
 
-const VIEWS = [overview, devices, rules, points, frames, log, users, settings, setup];
+const VIEWS = [overview, devices, rules, points, ethercat, frames, log, network, users, settings, firmware, setup];
 const NOTICE_TIME = 8000;
 
 let view = null;
 let timer = null;
 let noticed = null;
 
+/// The views that this gateway and this user have.
+const offered = () => VIEWS.filter((known) => known.isOffered?.() ?? true);
+
 function show(id) {
-  const next = VIEWS.find((known) => known.id === id && (known !== setup || may("engineer"))) || overview;
+  const next = offered().find((known) => known.id === id) || overview;
   if (next === view) return;
   view?.leave?.();
   view = next;
@@ -37,8 +43,7 @@ function show(id) {
 }
 
 function navigation() {
-  const shown = VIEWS.filter((known) => known !== setup || may("engineer"));
-  return h("nav", { "aria-label": T.navigation }, h("ul", null, shown.map(({ id }) =>
+  return h("nav", { "aria-label": T.navigation }, h("ul", null, offered().map(({ id }) =>
     h("li", null, h("a", { href: `#/${id}`, "aria-current": id === view.id && "page" }, T.nav[id])))));
 }
 
@@ -74,6 +79,7 @@ app.draw = () => {
     navigation(),
     h("main", { id: "main", tabindex: -1 },
       h("div", { role: "alert" }, app.lost && h("p", { class: "bar bad" }, T.lostLong)),
+      app.polled ? h("p", { class: "bar" }, T.polled) : h("div", { hidden: true }),
       candidateBar() || h("div", { hidden: true }), notice(),
       h("div", { "data-key": view.id }, view.draw().flat(9).filter(Boolean))),
   ]);

@@ -1,6 +1,6 @@
 // Rules: the table in its order, in words, and what it does with a request.
 
-import { attempt, post, text } from "./api.js";
+import { attempt, get, post, text } from "./api.js";
 import { change } from "./commit.js";
 import { ask, button, confirmed, field, h, input, select, table } from "./dom.js";
 import { app, isClient, isServer, may, redraw, tell } from "./state.js";
@@ -8,13 +8,17 @@ import { T } from "./texts.js";
 
 let rows = [];
 let ruleText = "";
+/// Likely mistakes in the rules of the candidate, by their numbers.
+let marks = new Map();
 let dragged = null;
 let tested = null;
 
 /// The rules of the candidate, or those in force.
 async function loadRules() {
-  const path = app.status.candidate === "open" ? "settings/candidate" : "settings";
+  const isOpen = app.status.candidate === "open";
+  const path = isOpen ? "settings/candidate" : "settings";
   ruleText = await text(path).catch(() => text("settings"));
+  marks = new Map(isOpen ? (await get("settings/diff").catch(() => ({ rules: [] }))).rules.map(({ rule, message }) => [rule, message]) : []);
   rows = ruleText.split("\n").filter((line) => line.startsWith("route ")).map((line) => {
     const [, source, units, ip, tag, destination, ...policy] = line.split(/ +/);
     return { source, units, ip, tag, destination, policy: policy.join(" ") };
@@ -38,7 +42,7 @@ function inWords({ source, units, ip, tag, destination, policy }) {
   return `${T.rules.requests} ${source}${whose} ${T.rules.for} ${units === "*" ? T.rules.all : units} ${to}${id}${policy ? `; ${policy}` : ""}.`;
 }
 
-const warningOf = (at) => (app.status.candidate === "open" ? null : app.status.rules[at]?.policy.split("  # ")[1]);
+const warningOf = (at) => (app.status.candidate === "open" ? marks.get(at + 1) : app.status.rules[at]?.policy.split("  # ")[1]);
 
 function ruleForm(rule, done) {
   const { ports } = app.status;

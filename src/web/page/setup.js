@@ -86,6 +86,7 @@ function lastStep() {
 
 export const setup = {
   id: "setup",
+  isOffered: () => may("engineer"),
   leave: () => { if (step === 4) step = 1; },
   draw: () => [
     h("h1", null, T.nav.setup),

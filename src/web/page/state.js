@@ -10,6 +10,8 @@ export const app = {
   /// Milliseconds of the last status.
   heard: 0,
   lost: false,
+  /// As many pages as can be have live values: this one asks now and then.
+  polled: false,
   /// A message for the user, which the next one replaces.
   notice: null,
   /// Requests a second, by unit, port of clients, and device.

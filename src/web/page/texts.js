@@ -2,10 +2,10 @@
 
 export const T = {
   skip: "Skip to content", navigation: "Views", close: "Close", cancel: "Cancel", logOut: "Log out", line: "line", unit: "Unit", port: "Port",
-  live: "live", lost: "connection lost", unreachable: "the gateway cannot be reached",
+  live: "live", polled: "Four other pages are open, and more cannot be live: this one is refreshed every two seconds until one of them is closed.", lost: "connection lost", unreachable: "the gateway cannot be reached",
   lostLong: "The gateway does not respond. What you see is from before; the page comes back by itself.",
   unsaved: "Settings in force are not saved", unsavedFix: "After a restart they would be gone. “save” at a console keeps them, and so does a commit.",
-  nav: { overview: "Overview", devices: "Devices", rules: "Rules", points: "Points", frames: "Frames", log: "Log and audit", users: "Users", settings: "Settings", setup: "Set up a line" },
+  nav: { overview: "Overview", devices: "Devices", rules: "Rules", points: "Points", frames: "Frames", log: "Log and audit", users: "Users", settings: "Settings", network: "Network", ethercat: "EtherCAT", update: "Update", setup: "Set up a line" },
   roles: { viewer: "viewer", operator: "operator", engineer: "engineer" },
   lamps: { up: "up", slow: "slow", damaged: "damaged", down: "down", idle: "not asked" },
   login: { intro: "Modbus gateway", user: "User", password: "Password", submit: "Log in" },
@@ -50,7 +50,8 @@ export const T = {
   work: { scan: "Scan runs", tune: "Measurement runs", log: "Everything it said", stop: "Stop", stopping: "It stops with the next response." },
   devices: {
     state: "State", requests: "Requests", perSecond: "per s", median: "Median", most: "99 of 100", last: "Last", failed: "Failed", none: "No device was asked yet.",
-    about: (unit, port) => `Unit ${unit} at ${port}`, times: "Response times", errors: "Errors by kind", noErrors: "None since the counters were cleared.",
+    about: (unit, port) => `Unit ${unit} at ${port}`, times: "Response times", hour: "Errors in the last hour", quietHour: "None in the last hour.", hourAgo: "an hour ago", now: "now", errors: "Errors by kind since the counters were cleared",
+    histogram: (from, to) => `How long responses took: most ${from} to ${to}`, hourOf: (kind, count, minutes) => `${kind}: ${count} in the last hour, the last one ${minutes} to ${minutes + 5} minutes ago`, noErrors: "None.",
     scanTitle: "Find devices", scanIntro: "Asks every unit at each speed with something that changes nothing. Others who ask by this port get exception 0A meanwhile.",
     noLine: "There is no serial line to scan.", speeds: "Speeds, each as 8E1, 8N1, 8O1 and 8N2", units: "Units", unitsHint: "1-247 are all", scan: "Scan",
     found: "Found devices", speed: "Speed", took: "Took", answer: "Answer", notYet: "None found yet.", nothing: "No device responded.", take: "Take over",
@@ -61,7 +62,7 @@ export const T = {
     source: "Comes by", ip: "From", tag: "Unit id", destination: "Goes to", policy: "Options", meaning: "In words", change: "Change",
     requests: "Requests by", from: "from", for: "for unit", all: "ids of any value", to: "go to", becomes: "as unit", shifted: "with the id shifted by",
     destinations: { local: "go to the gateway’s own unit", discard: "are dropped without a response", nopath: "are refused with 0A" },
-    add: "Add a rule", edit: "Edit rule", remove: "Remove rule", editShort: "Edit", removeShort: "Remove", put: "Put into the changes", never: "Never matches, or leads nowhere:",
+    add: "Add a rule", edit: "Edit rule", remove: "Remove rule", editShort: "Edit", removeShort: "Remove", put: "Put into the changes", never: "Careful:",
     up: (nth) => `Move rule ${nth} up`, down: (nth) => `Move rule ${nth} down`,
     unitsHint: "5, 1-64 or *", ipHint: "an address, a prefix, or *", tagHint: "*, +100, -100 or =7", policyHint: "such as readonly, addresses 0-99, priority high",
     tester: "Try a request", testerIntro: "Nothing is sent: this only says what the rules in force do with it.", function: "Function", address: "Address", fromAddress: "From address", test: "Try",
@@ -83,6 +84,24 @@ export const T = {
     intro: "Viewers see everything but the audit trail; operators also ask and write to devices; engineers change the settings.", name: "Name", role: "Role", password: "Password", none: "There are no users.",
     add: "Add a user", addShort: "Add", addHint: "The user comes with the next commit and can log in once a password is set.", remove: "Remove user",
     passwordOf: (name) => `Password of ${name}`, newPassword: "New password", again: "Again", length: "8 to 64 characters", differ: "The two differ.", set: "Set and save", setShort: "Set password", wasSet: (name) => `${name} has the new password.`,
+  },
+  network: {
+    own: "Address", os: "The operating system has the addresses of this machine.", link: "Link", address: "Address", gateway: "Gateway", ethernet: "Ethernet", setting: "Setting",
+    sockets: "Ports on the network", none: "No port uses the network.", role: "Role", where: "Where", status: "Status", server: "Server of",
+    services: "Services", service: "Service", dns: "Name server (DNS)", dnsOfOs: "that of the operating system", dnsNone: "none: servers have addresses", mdns: "Announced by mDNS", mdnsOn: (name) => (name ? `as ${name}.local` : "yes, under the name of the machine"), off: "no", ntp: "Time from NTP", syslog: "Audit trail to syslog",
+  },
+  ethercat: {
+    intro: "What a MainDevice sees of this gateway.", controller: "Controller", state: "State", line: "Line", modules: "Devices in the process image", noModules: "No device is in the image: a line “slave 0 unit N ...” in Settings, or the MainDevice’s configuration adds one.",
+    inputs: "Read from it, and where that is in the inputs", outputs: "Written to it, and where that is in the outputs", number: "No",
+    none: "No controller is known.",
+  },
+  update: {
+    running: "What runs", version: "Version", board: "On", state: "State", packaged: "This program is updated by the package manager:", command: "apt install ./mobgate_*.deb",
+    after: "Settings stay. Lines and clients are connected again within seconds after the restart.",
+    ofBoard: "New firmware is sent here, at the console by update, or by an EtherCAT MainDevice. It runs on trial, and goes back by itself if it does not work.",
+    send: "Send new firmware", image: "File", imageHint: "It ends in .mgu. One that is older is taken at the gateway’s own terminal only.", submit: "Send and restart", progress: "Sent", checked: "It is checked.",
+    taken: (version) => `${version} is complete and genuine; it starts now, on trial. Log in again in a minute.`,
+    back: "Take back what is on trial", goesBack: "The firmware from before starts now.",
   },
   settings: {
     intro: "One line for each port, rule, device and point, as “show config” prints them. Secrets are left out and stay as they are.", inForce: "Settings in force", ofCandidate: "Settings with the changes",

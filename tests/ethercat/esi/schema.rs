@@ -99,7 +99,7 @@ Group = Type:Text Name+:Text
 Devices = Device+:@Device
 Device Physics:Text = Type:Text Name+:Text Info?:@Info GroupType:Text Profile*:@Profile
     Fmmu*:Outputs|Inputs|MBoxState Sm*:MBoxOut|MBoxIn|Outputs|Inputs RxPdo*:@Pdo TxPdo*:@Pdo
-    Mailbox?:@Mailbox Slots?:@Slots Eeprom?:@Eeprom
+    Mailbox?:@Mailbox Dc?:@Dc Slots?:@Slots Eeprom?:@Eeprom
 Info = StateMachine?:@StateMachine Mailbox?:@InfoMailbox IdentificationAdo?:HexDec
     IdentificationReg134?:Bool
 Profile = ProfileNo?:Integer AddInfo?:Integer Dictionary?:@Dictionary DiagMessages?:@DiagMessages
@@ -122,6 +122,9 @@ CoE SdoInfo?:Bool PdoAssign?:Bool PdoConfig?:Bool PdoUpload?:Bool CompleteAccess
     DiagHistory?:Bool = InitCmd*:@InitCmd
 InitCmd = Transition+:IP|PS|SO|SP|OP|OS Index:HexDec SubIndex:HexDec Data:Hex Comment?:Text
 FoE =
+Dc = OpMode*:@OpMode
+OpMode = Name:Text Desc?:Text AssignActivate?:HexDec CycleTimeSync0?:Integer ShiftTimeSync0?:Integer
+    CycleTimeSync1?:Integer ShiftTimeSync1?:Integer
 Eeprom = ByteSize:Integer ConfigData:Hex BootStrap?:Hex
 ";
 
@@ -132,6 +135,8 @@ Access ReadRestrictions?:PreOP|PreOP_SafeOP|PreOP_OP|SafeOP|SafeOP_OP|OP
     WriteRestrictions?:PreOP|PreOP_SafeOP|PreOP_OP|SafeOP|SafeOP_OP|OP
 MessageText LcId?:Integer
 Index DependOnSlot?:Bool
+CycleTimeSync0 Factor?:Integer
+CycleTimeSync1 Factor?:Integer
 Device/Type ProductCode:HexDec RevisionNo:HexDec
 Module/Type ModuleIdent:HexDec ModuleClass?:Text
 ";

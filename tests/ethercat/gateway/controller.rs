@@ -22,7 +22,7 @@ fn serve_at<'g>(world: &World<'g>, rig: &Rig<'g>, line: &SharedSegment, timing: 
     let driver = Driver::new(lan9252.spi(), Wiring::default());
     let mut interrupt = lan9252.interrupt();
     world.spawn(async move {
-        serve(place, None, NoFiles, driver, async || interrupt.wait_for_high().await.unwrap()).await;
+        serve(place, None, NoFiles, driver, None, async || interrupt.wait_for_high().await.unwrap()).await;
     });
     lan9252
 }
@@ -111,7 +111,7 @@ fn the_setting_modules_makes_a_gateway_with_long_images_the_modular_one_with_lon
         let line = line_of_kind(Kind::IP_CORE, &LONG);
         let (esc, mut interrupt) = direct(line.borrow().chip(0));
         world.spawn(async move {
-            serve_long(place, None, esc, async || interrupt.wait_for_high().await.unwrap()).await;
+            serve_long(place, None, esc, None, async || interrupt.wait_for_high().await.unwrap()).await;
         });
         world.run_for(Duration::from_secs(2));
         let fixed = LONG.identity.product;

@@ -28,6 +28,8 @@ mod weave;
 
 /// Share of the mutants that must be noticed.
 const TARGET_PERCENT: f64 = 95.0;
+/// Places that are woven for each mutant that is drawn: some do not compile.
+const WOVEN_FOR_EACH: usize = 2;
 
 /// Changes the code in small ways and names the changes that no test notices.
 #[derive(Parser)]
@@ -70,24 +72,26 @@ fn run(arguments: &Arguments) -> Result<bool, String> {
     let project = package.ancestors().nth(2).ok_or("the package is two folders below the project")?;
     let folder: PathBuf = project.join("target/mutants");
     let mut tree = Tree::new(project, &folder)?;
-    let (all, programs) = tree.build()?;
-    let known = mutant::equivalent(&package.join("equivalent.toml"), &all)?;
-    let mut drawn: Vec<u32> = (1..=all.len() as u32).collect();
-    let mutant = |id: u32| &all[id as usize - 1];
-    drawn.retain(|&id| {
-        let place = format!("{}:{}:", mutant(id).file, mutant(id).line);
+    let found = tree.mutants();
+    let known = mutant::equivalent(&package.join("equivalent.toml"), &found)?;
+    let mut drawn: Vec<u32> = (0..found.len() as u32).collect();
+    drawn.retain(|&nth| {
+        let Mutant { file, line, .. } = &found[nth as usize];
+        let place = format!("{file}:{line}:");
         arguments.at.is_empty() || arguments.at.iter().any(|at| place.starts_with(at))
     });
-    shuffle(&mut drawn, arguments.seed);
-    if arguments.sample > 0 {
-        drawn.truncate(arguments.sample);
-    }
+    draw(&mut drawn, arguments.seed, WOVEN_FOR_EACH * arguments.sample);
+    tree.keep(&drawn.iter().map(|&nth| found[nth as usize].key()).collect());
+    let (all, programs) = tree.build()?;
+    let mutant = |id: u32| &all[id as usize - 1];
+    let mut drawn: Vec<u32> = (1..=all.len() as u32).collect();
+    draw(&mut drawn, arguments.seed, arguments.sample);
     let sample = drawn.len();
     drawn.retain(|&id| !known.contains(&mutant(id).key()));
     println!(
         "{} of {} mutants, seed {}, {} of them equivalent",
         sample,
-        all.len(),
+        found.len(),
         arguments.seed,
         sample - drawn.len()
     );
@@ -155,6 +159,14 @@ fn report(ends: &[(&Mutant, &End)], start: Instant, fail_at: Option<usize>) -> R
     let enough = score >= TARGET_PERCENT;
     println!("figure mutation_score {} % >={TARGET_PERCENT} {}", (score * 10.0).round() / 10.0, word(enough));
     Ok(enough)
+}
+
+/// Leaves `count` of the items, or all for 0.
+fn draw(items: &mut Vec<u32>, seed: u64, count: usize) {
+    shuffle(items, seed);
+    if count > 0 {
+        items.truncate(count);
+    }
 }
 
 /// Fisher and Yates, with SplitMix64: equal seeds draw equal samples.

@@ -69,6 +69,27 @@ impl Tree {
         Ok(Self { copy, built: folder.join("built"), files, senseless })
     }
 
+    /// All that could be changed, whether it compiles or not.
+    pub(crate) fn mutants(&self) -> Vec<Mutant> {
+        self.files.iter().flat_map(|(name, (text, sites))| mutants(name, text, sites)).collect()
+    }
+
+    /// Leaves the mutants with these keys.
+    pub(crate) fn keep(&mut self, keys: &HashSet<String>) {
+        self.retain(|mutant| keys.contains(&mutant.key()));
+    }
+
+    fn retain(&mut self, good: impl Fn(&Mutant) -> bool) {
+        for (name, (text, sites)) in &mut self.files {
+            for site in sites.iter_mut() {
+                let found = mutants(name, text, std::slice::from_ref(site));
+                let mut good = found.iter().map(&good);
+                site.changes.retain(|_| good.next().unwrap_or(false));
+            }
+            sites.retain(|site| !site.changes.is_empty());
+        }
+    }
+
     /// Builds the tests of the mutated packages, and gives all mutants, whose numbers begin with 1. Changes that do not
     /// compile are taken back.
     pub(crate) fn build(&mut self) -> Result<(Vec<Mutant>, Vec<Program>), String> {
@@ -98,15 +119,12 @@ impl Tree {
 
     /// Writes the mutated files.
     fn write(&mut self) -> Result<(Vec<Mutant>, Spans), String> {
+        let senseless = std::mem::take(&mut self.senseless);
+        self.retain(|mutant| !senseless.contains(&mutant.key()));
+        self.senseless = senseless;
         let mut all = Vec::new();
         let mut spans = Spans::new();
-        for (name, (text, sites)) in &mut self.files {
-            for site in sites.iter_mut() {
-                let found = mutants(name, text, std::slice::from_ref(site));
-                let mut senseless = found.iter().map(|mutant| self.senseless.contains(&mutant.key()));
-                site.changes.retain(|_| !senseless.next().unwrap_or(false));
-            }
-            sites.retain(|site| !site.changes.is_empty());
+        for (name, (text, sites)) in &self.files {
             let (woven, where_) = weave(text, sites, all.len() as u32 + 1);
             all.extend(mutants(name, text, sites));
             write(&self.copy.join(name), woven.as_bytes())?;

@@ -116,10 +116,12 @@ pub(crate) fn send(line: &mut UnixStream, bytes: &[u8], character: Duration) -> 
     Ok(())
 }
 
-/// How long a request is that begins like this: reads and writes of one thing, or writes of several. (A CRC that fits is no
-/// end: it does so one byte early in one of 256 requests for few registers.)
+/// How long a request is that begins like this: reads and writes of one thing, writes of several, or questions who a unit is. (A CRC
+/// that fits is no end: it does so one byte early in one of 256 requests for few registers.)
 fn request_bytes(begun: &[u8]) -> usize {
     match begun {
+        [_, 17, ..] => 4,
+        [_, 43, ..] => 7,
         [_, 15 | 16, _, _, _, _, bytes, ..] => 9 + usize::from(*bytes),
         [_, 15 | 16, ..] => 9,
         _ => 8,

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use crate::figure::{Target, figure};
 use crate::passing::Passing;
-use crate::{Bus, Console, Figures, Image, Machine, Options, image};
+use crate::{Bus, Console, Figures, Image, Machine, Options};
 
 /// The counts and sizes that hold as good; more is a fault that a change of this file must own up to.
 const BUDGETS: &str = include_str!("../budgets");
@@ -16,8 +16,10 @@ const GROWTH: f64 = 1.05;
 /// Sessions by SSH that the board has, and sockets.
 const SSH_SESSIONS: f64 = 8.0;
 const SOCKETS: f64 = 26.0;
+/// Connections of the web interface.
+const WEB_CONNECTIONS: f64 = 8.0;
 /// Times that each thing is measured.
-const TRIALS: usize = 21;
+pub(crate) const TRIALS: usize = 21;
 /// Time after which nothing happens any more.
 pub(crate) const SETTLED: Duration = Duration::from_millis(60);
 /// A tick is 40 ns, an instruction 64 ns.
@@ -34,11 +36,18 @@ const BYTE_TRIALS: usize = 9;
 const PASSWORDS: usize = 5;
 const BOARDS: [(&str, f64); 3] = [("f429zi", 168.0), ("f767zi", 216.0), ("h743zi", 400.0)];
 /// The board's counts of ticks come round.
-const TICKS_ROUND: u32 = 1 << 24;
+pub(crate) const TICKS_ROUND: u32 = 1 << 24;
 
 /// Prints the sizes of the image.
 pub fn sizes() {
-    let output = Command::new("size").arg(image::build()).output().expect("size, of binutils");
+    let (flash, ram) = size(Image::Usual);
+    figure("qemu_image_flash", flash, "bytes", Target::AtMost(budget("image_flash")));
+    figure("qemu_image_ram", ram, "bytes", Target::AtMost(budget("image_ram")));
+}
+
+/// Bytes of flash and of RAM.
+fn size(image: Image) -> (f64, f64) {
+    let output = Command::new("size").arg(image.build()).output().expect("size, of binutils");
     let text = String::from_utf8(output.stdout).unwrap();
     let numbers: Vec<f64> = text
         .lines()
@@ -48,20 +57,25 @@ pub fn sizes() {
         .map_while(|word| word.parse().ok())
         .collect();
     let [code, data, bss] = numbers[..3] else { panic!("{text}") };
-    figure("qemu_image_flash", code + data, "bytes", Target::AtMost(budget("image_flash")));
-    figure("qemu_image_ram", data + bss, "bytes", Target::AtMost(budget("image_ram")));
+    (code + data, data + bss)
 }
 
-/// Prints the bytes of a session by SSH: its task, and the buffer of its socket.
-pub fn ssh_session() {
-    let output = Command::new("nm").args(["--demangle", "--print-size"]).arg(Image::Ssh.build()).output();
+/// Bytes of each of `shares` of an image: variables, whose names end like this, by how many use them.
+fn share(image: Image, shares: &[(&str, f64)]) -> f64 {
+    let output = Command::new("nm").args(["--demangle", "--print-size"]).arg(image.build()).output();
     let symbols = String::from_utf8(output.expect("nm, of binutils").stdout).unwrap();
     let size = |name: &str| {
         let symbol = symbols.lines().find(|line| line.ends_with(name)).unwrap_or_else(|| panic!("no {name}"));
         let size = symbol.split(' ').nth(1).and_then(|size| u32::from_str_radix(size, 16).ok());
         f64::from(size.expect("a size"))
     };
-    let bytes = size("::ssh::session::POOL") / SSH_SESSIONS + size("::network::start::BUFFERS") / SOCKETS;
+    shares.iter().map(|(name, users)| size(name) / users).sum()
+}
+
+/// Prints the bytes of a session by SSH: its task, and the buffer of its socket.
+pub fn ssh_session() {
+    let shares = [("::ssh::session::POOL", SSH_SESSIONS), ("::network::start::BUFFERS", SOCKETS)];
+    let bytes = share(Image::Ssh, &shares);
     figure("qemu_ssh_session_ram", bytes, "bytes", Target::AtMost(budget("ssh_session")));
 }
 
@@ -77,6 +91,19 @@ pub fn roles(folder: &Path) {
     });
     figure("role_path_transaction_instructions", with, "instructions", Target::None);
     figure("role_path_instructions", with - without, "instructions", Target::AtMost(ROLE_PATH_MAX));
+}
+
+/// Prints what the web interface takes of the image, of which its page has so many bytes, and of the memory.
+pub(crate) fn web_interface(page: f64) {
+    let [with, without] = [Image::Web, Image::Usual].map(size);
+    let code = with.0 - without.0 - page;
+    figure("qemu_web_flash", code, "bytes", Target::AtMost(budget("web_flash")));
+    figure("qemu_web_page", page, "bytes", Target::AtMost(budget("web_page")));
+    let sockets = SOCKETS + WEB_CONNECTIONS;
+    let shares = [("::web::connection::POOL", WEB_CONNECTIONS), ("::network::start::BUFFERS", sockets)];
+    let bytes = share(Image::Web, &shares);
+    figure("qemu_web_connection_ram", bytes, "bytes", Target::AtMost(budget("web_connection")));
+    figure("qemu_web_ram", with.1 - without.1, "bytes", Target::None);
 }
 
 /// Prints the instructions of a transaction and of a byte that is passed on; gives those of a transaction.
@@ -143,13 +170,13 @@ fn per_byte(figures: &mut Figures, act: &mut dyn FnMut(u8)) -> Cost {
 }
 
 /// Instructions: all of them, and those without what moves the bytes of UARTs.
-struct Cost {
-    all: f64,
+pub(crate) struct Cost {
+    pub(crate) all: f64,
     gateway: f64,
 }
 
 /// What `act` costs, by so many trials.
-fn typical(figures: &mut Figures, trials: usize, mut act: impl FnMut()) -> Cost {
+pub(crate) fn typical(figures: &mut Figures, trials: usize, mut act: impl FnMut()) -> Cost {
     let idle = undisturbed(figures, trials, &mut || {});
     let active = undisturbed(figures, trials, &mut act);
     Cost {

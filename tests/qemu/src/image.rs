@@ -20,6 +20,8 @@ pub enum Image {
     Ssh,
     /// Roles in rules, which nothing gives to a client there.
     Roles,
+    /// The web interface with its page.
+    Web,
 }
 
 /// The usual image of the QEMU board.
@@ -35,10 +37,11 @@ impl Image {
             Self::Usual => ("mobgate-qemu-mps2-usual", &[]),
             Self::Ssh => ("mobgate-qemu-mps2-ssh", &["--features", "ssh"]),
             Self::Roles => ("mobgate-qemu-mps2-roles", &["--features", "roles"]),
+            Self::Web => ("mobgate-qemu-mps2-web", &["--features", "web"]),
         };
         let folder = root().join("target/thumb/thumbv7em-none-eabihf/release");
         let file = folder.join(name);
-        // One at a time: both are built under the same name first.
+        // One at a time: all are built under the same name first.
         let mut built = BUILT.lock().unwrap();
         if !built.contains(&self) {
             compile(features);

@@ -1,12 +1,13 @@
 //! The emulator, started with its wires in a folder of its own, and ended with its owner.
 
 use std::io::{BufRead, BufReader, Write};
-use std::net::{Ipv4Addr, TcpListener};
 use std::os::unix::net::UnixStream;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::{Arc, Mutex};
 use std::thread;
+
+use mobgate_simulator::ports::free_port;
 
 use crate::{Bus, Client, Console, Figures, Image, PATIENCE, image, wait_for};
 
@@ -32,6 +33,7 @@ pub struct Machine {
     folder: PathBuf,
     port: u16,
     ssh_port: u16,
+    web_port: u16,
 }
 
 impl Machine {
@@ -43,9 +45,7 @@ impl Machine {
     }
 
     fn start_only(folder: &Path, options: Options) -> Self {
-        // Both are open until the other is known.
-        let free = [(); 2].map(|()| TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap());
-        let [port, ssh_port] = free.map(|listener| listener.local_addr().unwrap().port());
+        let [port, ssh_port, web_port] = [(); 3].map(|()| free_port());
         let mut command = Command::new(image::root().join("boards/qemu_mps2/emulate"));
         command.arg(options.image.build()).arg(folder.join("flash")).env("MOBGATE_WORDS", &options.words);
         for uart in 0..UARTS {
@@ -61,7 +61,8 @@ impl Machine {
         command.arg(format!("socket,id=monitor,path={},server=on,wait=off", monitor.display()));
         command.args(["-mon", "chardev=monitor"]);
         let forward = |from: u16, to: u16| format!(",hostfwd=tcp:127.0.0.1:{from}-:{to}");
-        command.args(["-nic", &format!("user,id=net{}{}", forward(port, 502), forward(ssh_port, 22))]);
+        let forwards = [forward(port, 502), forward(ssh_port, 22), forward(web_port, 80)].concat();
+        command.args(["-nic", &format!("user,id=net{forwards}")]);
         if options.counts_instructions {
             // 64 ns for each.
             command.args(["-icount", "shift=6"]);
@@ -74,7 +75,7 @@ impl Machine {
                 into.lock().unwrap().push_str(&format!("{line}\n"));
             }
         });
-        Self { child, log, folder: folder.to_owned(), port, ssh_port }
+        Self { child, log, folder: folder.to_owned(), port, ssh_port, web_port }
     }
 
     /// What the board has logged.
@@ -126,6 +127,16 @@ impl Machine {
     /// The host's TCP port that leads to the board's port for SSH.
     pub fn ssh_port(&self) -> u16 {
         self.ssh_port
+    }
+
+    /// The host's TCP port that leads to the board's port for the web interface.
+    pub fn web_port(&self) -> u16 {
+        self.web_port
+    }
+
+    /// The emulator's process.
+    pub fn id(&self) -> u32 {
+        self.child.id()
     }
 
     /// A Modbus TCP client.

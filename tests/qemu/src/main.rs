@@ -5,7 +5,7 @@
 use std::io::Write;
 use std::process::ExitCode;
 
-use mobgate_qemu::{Bus, Machine, Options, cost, shift, soak};
+use mobgate_qemu::{Bus, Machine, Options, cost, pages, shift, soak};
 
 fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -16,6 +16,7 @@ fn main() -> ExitCode {
         ["figures"] => {
             cost::sizes();
             cost::ssh_session();
+            pages::figures(folder.path());
             let instructions = cost::instructions(folder.path());
             shift::figures(folder.path(), instructions);
             shift::passed_on(folder.path());

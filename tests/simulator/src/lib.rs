@@ -20,12 +20,14 @@ pub mod framing;
 pub mod master;
 pub mod net;
 pub mod own_network;
+pub mod ports;
 pub mod power_cuts;
 pub mod rig;
 pub mod serial;
 pub mod share;
 pub mod shared_bus;
 pub mod timing;
+pub mod waiting;
 pub mod wire;
 pub mod ymodem;
 

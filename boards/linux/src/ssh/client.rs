@@ -1,5 +1,5 @@
-//! A client of SSH: logs in as the gateway decides, and gets one session at a time. Nothing else is served: no forwarding, no agent, no
-//! subsystem, no environment.
+//! A client of SSH: the gateway decides about its log-in, and it gets one session at a time. Nothing else is served: no forwarding, no
+//! agent, no subsystem, no environment.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};

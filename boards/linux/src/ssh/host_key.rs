@@ -14,7 +14,7 @@ use crate::file;
 
 /// What the file is called: the name of that of the settings, and this.
 const SUFFIX: &str = ".host-key";
-/// Others than the owner may do nothing with it.
+/// Access for the owner only.
 const OTHERS: u32 = 0o077;
 
 /// The file of the key, beside that of the settings.
@@ -53,7 +53,7 @@ fn generate() -> Result<PrivateKey, String> {
     }
 }
 
-/// Makes the key in a new file, which is there as a whole or not at all.
+/// Writes the key to a new file, atomically.
 fn make(path: &Path) -> Result<PrivateKey, String> {
     let key = generate()?;
     let text = key.to_openssh(LineEnding::LF).map_err(|error| error.to_string())?;

@@ -19,11 +19,11 @@ use super::ENTRANTS;
 use crate::console::carried_out;
 use crate::file::TEXT_BYTES_MAX;
 
-/// Bytes of input that wait for the console: some settings files. The connection must not wait for them, since it also passes on what
-/// the console says, without which that takes no more input.
+/// Bytes of input that wait for the console: some settings files. The connection must not block on input, because it also carries the
+/// console's output, and a console that cannot write does not read.
 const INPUT_BYTES_MAX: usize = 4 * TEXT_BYTES_MAX;
 
-/// Who has logged in, and whence.
+/// Who has logged in, and from where.
 #[derive(Debug, Clone)]
 pub struct Who {
     pub(crate) user: String,

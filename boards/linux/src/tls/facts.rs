@@ -35,7 +35,7 @@ pub(crate) fn facts(certificate: &CertificateDer<'_>) -> Option<Facts> {
     })
 }
 
-/// When a newer list of revoked certificates should be there, if the list says.
+/// When the next revocation list is due, if the list says so.
 pub(crate) fn next_update(list: &CertificateRevocationListDer<'_>) -> Option<SystemTime> {
     let list: CertificateList = CertificateList::from_der(list).ok()?;
     list.tbs_cert_list.next_update.map(|next| time(next.to_unix_duration()))
@@ -45,8 +45,8 @@ fn time(since_1970: Duration) -> SystemTime {
     UNIX_EPOCH + since_1970
 }
 
-/// The role in a client's certificate: the text of exactly one extension. None if there is no such extension, or several, or one that
-/// is no role (the NULL role of the specification).
+/// The role in a client's certificate: the text of exactly one extension. Without that extension, with several, or with an invalid one,
+/// the client has the NULL role of the specification.
 pub(crate) fn role(certificate: &CertificateDer<'_>) -> ClientRole {
     let Ok(certificate) = Certificate::from_der(certificate) else { return ClientRole::NONE };
     let extensions = certificate.tbs_certificate().extensions().into_iter().flatten();

@@ -12,10 +12,10 @@ use rustls::server::VerifierBuilderError;
 
 use crate::file;
 
-/// The world may do nothing with a private key.
+/// Others must have no access to a private key.
 const WORLD: u32 = 0o007;
 
-/// Why a certificate of the settings cannot be used. None of it has a part of a key.
+/// Why a certificate of the settings cannot be used. Never contains key material.
 #[derive(Debug)]
 pub(crate) enum Fault {
     /// There is none.

@@ -8,7 +8,7 @@ use rustls::pki_types::CertificateDer;
 
 use crate::descriptor::Descriptor;
 
-/// What is read from the socket at a time: several requests, and no more than the connection keeps of them.
+/// Bytes read from the socket at a time: several requests, and no more than the connection buffers.
 const RECEIVED_BYTES: usize = 4096;
 
 type Socket = Descriptor<TcpStream>;
@@ -21,7 +21,7 @@ pub(crate) struct Session {
 }
 
 impl Session {
-    /// Shakes hands. An error of TLS is in the one of I/O.
+    /// Performs the handshake. The I/O error wraps an error of TLS.
     pub(super) async fn begin(io: &mut Socket, connection: Connection) -> io::Result<Self> {
         let mut session = Self { connection, received: Box::new([0; RECEIVED_BYTES]) };
         session.flush(io).await?;
@@ -38,8 +38,8 @@ impl Session {
         self.connection.peer_certificates()?.first()
     }
 
-    /// Reads what the peer has sent; 0 after its close_notify. An end without one is an error, since somebody may have cut off the
-    /// rest. A dropped future has lost nothing.
+    /// Reads what the peer has sent; 0 after its close_notify. An end without one is an error, since the stream may have been truncated.
+    /// Dropping the future loses nothing.
     pub(crate) async fn read(&mut self, io: &mut Socket, into: &mut [u8]) -> io::Result<usize> {
         loop {
             match self.connection.reader().read(into) {

@@ -17,13 +17,42 @@ use super::files::{self, Fault};
 
 type Signed = Result<HandshakeSignatureValid, Error>;
 
+/// The methods that both traits of rustls have: signatures are checked as the provider does.
+macro_rules! checks_signatures {
+    () => {
+        fn verify_tls12_signature(
+            &self,
+            message: &[u8],
+            certificate: &CertificateDer<'_>,
+            signed: &DigitallySignedStruct,
+        ) -> Signed {
+            let algorithms = &self.provider.signature_verification_algorithms;
+            verify_tls12_signature(message, certificate, signed, algorithms)
+        }
+
+        fn verify_tls13_signature(
+            &self,
+            message: &[u8],
+            certificate: &CertificateDer<'_>,
+            signed: &DigitallySignedStruct,
+        ) -> Signed {
+            let algorithms = &self.provider.signature_verification_algorithms;
+            verify_tls13_signature(message, certificate, signed, algorithms)
+        }
+
+        fn supported_verify_schemes(&self) -> Vec<SignatureScheme> {
+            self.provider.signature_verification_algorithms.supported_schemes()
+        }
+    };
+}
+
 fn roots(certificates: Vec<CertificateDer<'static>>) -> Arc<RootCertStore> {
     let mut roots = RootCertStore::empty();
     roots.add_parsable_certificates(certificates);
     Arc::new(roots)
 }
 
-/// Asks each of `verifiers`; the first one that knows the issuer decides.
+/// The first verifier that knows the issuer decides.
 fn first_to_know<V, T>(verifiers: &[V], verify: impl Fn(&V) -> Result<T, Error>) -> Result<T, Error> {
     let mut all = verifiers.iter().map(verify);
     let unknown = Error::InvalidCertificate(CertificateError::UnknownIssuer);
@@ -69,41 +98,19 @@ impl ClientCertVerifier for Clients {
         first_to_know(&self.authorities, |authority| authority.verify_client_cert(certificate, between, now))
     }
 
-    fn verify_tls12_signature(
-        &self,
-        message: &[u8],
-        certificate: &CertificateDer<'_>,
-        signed: &DigitallySignedStruct,
-    ) -> Signed {
-        let algorithms = &self.provider.signature_verification_algorithms;
-        verify_tls12_signature(message, certificate, signed, algorithms)
-    }
-
-    fn verify_tls13_signature(
-        &self,
-        message: &[u8],
-        certificate: &CertificateDer<'_>,
-        signed: &DigitallySignedStruct,
-    ) -> Signed {
-        let algorithms = &self.provider.signature_verification_algorithms;
-        verify_tls13_signature(message, certificate, signed, algorithms)
-    }
-
-    fn supported_verify_schemes(&self) -> Vec<SignatureScheme> {
-        self.provider.signature_verification_algorithms.supported_schemes()
-    }
+    checks_signatures!();
 }
 
 /// Checks servers by one line of the settings.
 #[derive(Debug)]
 pub(super) struct ServerAuthority {
-    /// Checks the way from an authority to the server, and the server's name. `None` if no certificate of the line can be an authority.
+    /// Checks the chain to an authority and the server's name. `None` if no certificate of the line is an authority.
     by_authority: Option<Arc<WebPkiServerVerifier>>,
-    /// Certificates of servers themselves.
+    /// Pinned certificates of servers.
     known: Vec<CertificateDer<'static>>,
 }
 
-/// Checks servers by one line: as authorities, and with `may_be_own` also as the certificates of servers themselves.
+/// Checks servers by one line: its certificates are authorities, and with `may_be_own` also pinned certificates.
 pub(super) fn servers(
     authority: &Certificate,
     may_be_own: bool,
@@ -134,7 +141,7 @@ impl Servers {
 }
 
 impl ServerCertVerifier for Servers {
-    /// A certificate that the settings have is good as it is: whoever wrote them has seen it, whatever name and dates it has.
+    /// A pinned certificate is trusted as it is, whatever its name and dates.
     fn verify_server_cert(
         &self,
         certificate: &CertificateDer<'_>,
@@ -152,27 +159,5 @@ impl ServerCertVerifier for Servers {
         })
     }
 
-    fn verify_tls12_signature(
-        &self,
-        message: &[u8],
-        certificate: &CertificateDer<'_>,
-        signed: &DigitallySignedStruct,
-    ) -> Signed {
-        let algorithms = &self.provider.signature_verification_algorithms;
-        verify_tls12_signature(message, certificate, signed, algorithms)
-    }
-
-    fn verify_tls13_signature(
-        &self,
-        message: &[u8],
-        certificate: &CertificateDer<'_>,
-        signed: &DigitallySignedStruct,
-    ) -> Signed {
-        let algorithms = &self.provider.signature_verification_algorithms;
-        verify_tls13_signature(message, certificate, signed, algorithms)
-    }
-
-    fn supported_verify_schemes(&self) -> Vec<SignatureScheme> {
-        self.provider.signature_verification_algorithms.supported_schemes()
-    }
+    checks_signatures!();
 }

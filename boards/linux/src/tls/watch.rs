@@ -14,12 +14,12 @@ use super::facts::{Facts, facts, next_update};
 use super::files::{self, Fault};
 use crate::calendar;
 
-/// How long before the end of a certificate it is told.
+/// How long before it expires a certificate is reported.
 const AHEAD: Duration = Duration::from_secs(30 * DAY_SECS);
 const DAY_SECS: u64 = 86_400;
 /// How often the files are looked at.
 const LOOK: embassy_time::Duration = embassy_time::Duration::from_secs(3_600);
-/// How often the same is told.
+/// How often the same problem is reported.
 const TELL: embassy_time::Duration = embassy_time::Duration::from_secs(DAY_SECS);
 
 /// What is wrong with a certificate, or will be soon; empty if nothing is.
@@ -30,7 +30,7 @@ pub fn state(certificate: &Certificate) -> String {
     }
 }
 
-/// The certificate of the line whose time ends first, and what is wrong with one of them.
+/// The certificate of the line that expires first, and a problem of any of them.
 fn look(certificate: &Certificate, now: SystemTime) -> Result<(Facts, String), Fault> {
     let file = || certificate.file.to_string();
     let chain = match certificate.purpose {

@@ -8,6 +8,7 @@ use std::thread;
 use std::time::Duration;
 
 use mobgate_simulator::device::{Memory, rtu};
+use serde_json::json;
 use serial2::SerialPort;
 
 #[path = "../common/mod.rs"]
@@ -58,9 +59,19 @@ fn a_gateway_is_set_up_and_watched_in_a_browser() {
     let settings = format!("{USER}mdns off\nport web http server 127.0.0.1:{{port}}\n");
     let program = Program::configured(&settings);
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/browser/page.js");
+    let what = json!({
+        "base": format!("http://127.0.0.1:{}", program.port),
+        "device": device,
+        "modbus": modbus,
+        "reached": modbus,
+        "folder": folder(),
+        "pid": program.id(),
+        "name": "",
+        "views": true,
+        "soon": 0,
+    });
     let mut browser = Command::new("node");
-    browser.env("NODE_PATH", &modules).arg(script).arg(format!("http://127.0.0.1:{}", program.port));
-    browser.arg(&device).arg(modbus.to_string()).arg(folder()).arg(program.id().to_string());
+    browser.env("NODE_PATH", &modules).arg(script).arg(what.to_string());
     let status = browser.status().unwrap_or_else(|error| panic!("node: {error}"));
     assert!(status.success(), "{status}; the pictures are in {}", folder().display());
 }

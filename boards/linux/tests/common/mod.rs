@@ -5,56 +5,18 @@
 use std::fs;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{Ipv4Addr, TcpListener, TcpStream};
-use std::os::linux::net::SocketAddrExt;
-use std::os::unix::net::{SocketAddr, UnixListener, UnixStream};
+use std::os::unix::net::UnixStream;
 use std::path::PathBuf;
 use std::process::{Child, Command, ExitStatus, Output, Stdio};
-use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use std::sync::{Arc, Mutex};
 use std::thread;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
+pub(crate) use mobgate_simulator::ports::free_port;
+pub(crate) use mobgate_simulator::waiting::{PATIENCE, wait_for};
 use rustix::process::{Pid, Signal, kill_process};
 
 pub(crate) mod terminal;
-
-/// Longest wait for anything that a test expects.
-pub(crate) const PATIENCE: Duration = Duration::from_secs(60);
-
-/// A port that was free a moment ago. None that the system gives to whoever asks for any, such as a client: it would be taken
-/// again before the program has started on a busy machine. Nor one that was given to another test, in whatever process: who
-/// connects to that test's program would take it for its own.
-pub(crate) fn free_port() -> u16 {
-    static GIVEN: AtomicU32 = AtomicU32::new(0);
-    let first = std::process::id().wrapping_mul(131);
-    loop {
-        let nth = first.wrapping_add(GIVEN.fetch_add(1, Relaxed));
-        let port = 10_000 + (nth % 22_000) as u16;
-        if reserve(port) && TcpListener::bind((Ipv4Addr::UNSPECIFIED, port)).is_ok() {
-            return port;
-        }
-    }
-}
-
-/// Has `port` for this process until its end, unless another one has it: by a name that, as the port, is known in this network only.
-pub(crate) fn reserve(port: u16) -> bool {
-    static RESERVED: Mutex<Vec<UnixListener>> = Mutex::new(Vec::new());
-    let name = SocketAddr::from_abstract_name(format!("mobgate-test-port-{port}")).unwrap();
-    let claim = UnixListener::bind_addr(&name);
-    claim.map(|claim| RESERVED.lock().unwrap().push(claim)).is_ok()
-}
-
-/// Waits until `done` gives something.
-pub(crate) fn wait_for<T>(what: &str, mut done: impl FnMut() -> Option<T>) -> T {
-    let start = Instant::now();
-    loop {
-        if let Some(value) = done() {
-            return value;
-        }
-        assert!(start.elapsed() < PATIENCE, "waited in vain for {what}");
-        thread::sleep(Duration::from_millis(10)); // between two looks
-    }
-}
 
 /// The program, not yet started.
 pub(crate) fn mobgate() -> Command {

@@ -1,5 +1,7 @@
 //! The real program between Modbus software by others: `mbpoll`, pymodbus, tokio-modbus and modbus-serial ask by TCP,
 //! modbus-serial also by RTU; OpenSSL, pymodbus and pysunspec2 ask by TLS; pymodbus, rmodbus and tokio-modbus answer by RTU on PTYs that `socat` joins, modbus-serial by TCP.
+//! jsonschema-rs holds settings as JSON against their schema; Python's HTTPS client uses the web interface, promtool and prometheus-client
+//! read its metrics.
 //!
 //! A missing outside program fails a test, with the command that installs it. Python is the virtual environment's that
 //! `cargo xtask install peers` makes, or the one that the variable `MOBGATE_PYTHON` names; modbus-serial is what it installs for Node.js.
@@ -7,8 +9,10 @@
 mod authority;
 #[path = "../common/mod.rs"]
 mod common;
+mod https;
 mod lines;
 mod mbpoll;
+mod metrics;
 mod modbus_serial;
 mod outside;
 mod pipelining;
@@ -18,4 +22,5 @@ mod rmodbus_server;
 mod rust_crates;
 mod secure;
 mod secure_device;
+mod settings_schema;
 mod tokio_server;

@@ -28,8 +28,13 @@ impl Tool {
             program: env::var_os("MOBGATE_PYTHON").unwrap_or(prepared.into()),
             install: "cargo xtask install peers".into(),
         };
-        let (good, said) = python.run(&["-c", "import pymodbus.simulator, serial, sunspec2"]);
-        assert!(good, "pymodbus, pyserial or pysunspec2 is missing: {}\n{said}", python.install);
+        let (good, said) = python
+            .run(&["-c", "import jsonschema_rs, prometheus_client, pymodbus.simulator, serial, sunspec2"]);
+        assert!(
+            good,
+            "jsonschema-rs, prometheus-client, pymodbus, pyserial or pysunspec2 is missing: {}\n{said}",
+            python.install
+        );
         python
     }
 
@@ -66,6 +71,17 @@ impl Tool {
             _ => panic!("{}: {error}", self.program.display()),
         }
     }
+}
+
+/// Prometheus's tool: the installed one, or that of the package that `cargo xtask install peers` has unpacked.
+pub(crate) fn promtool() -> PathBuf {
+    let unpacked = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../target/promtool/usr/bin/promtool");
+    let found = env::var_os("PATH").and_then(|path| {
+        env::split_paths(&path).map(|folder| folder.join("promtool")).find(|program| program.exists())
+    });
+    let program = found.unwrap_or(unpacked);
+    assert!(program.exists(), "promtool is missing: cargo xtask install peers");
+    program
 }
 
 /// A running outside program, which ends with the test.

@@ -8,9 +8,15 @@ use std::path::Path;
 use serde_json::{Value, json};
 use serial2::SerialPort;
 
-use crate::common::{self, Program, wait_for};
+use crate::common::{self, Program};
 use crate::http::{Request, Response};
 use crate::{Web, with};
+
+/// What only boards with updates do; tests/gateway/web_update.rs has it.
+const OF_BOARDS: [(&str, u16); 4] = [("POST", 200), ("POST", 400), ("POST", 422), ("DELETE", 204)];
+const UPDATE: &str = "/api/v1/update";
+/// An image that no board has memory for.
+const TOO_LONG: usize = 4 * 1_024 * 1_024 + 1;
 
 /// The description.
 struct Description(Value);
@@ -102,7 +108,12 @@ impl Description {
             assert!(object.contains_key(field.as_str().unwrap()), "{place}: {value} has no {field}");
         }
         for (field, value) in object {
-            let schema = schema["properties"].get(field);
+            let others = schema.get("additionalProperties").filter(|others| **others != json!(false));
+            // What is described elsewhere.
+            if others == Some(&json!(true)) {
+                continue;
+            }
+            let schema = schema["properties"].get(field).or(others);
             let schema = schema.unwrap_or_else(|| panic!("{place}: {field} is not described"));
             self.conforms(value, schema, &format!("{place}.{field}"));
         }
@@ -139,19 +150,21 @@ impl Caller {
         self.note(path, method, response)
     }
 
-    /// Frames come as they are on the wire, once one of the connections for events is free again.
+    /// Frames come as they are on the wire, also while all events are taken.
     fn frames(&mut self) {
         let path = "/api/v1/frames";
         let mut client = self.web.program.connect();
-        let (mut stream, head) = wait_for("a free connection", || {
+        let [mut one, _other] = [(); 2].map(|()| {
             let mut stream = self.request(path, "GET", "").open();
             let head = read_until(&mut stream, b"\r\n\r\n", || {});
-            head.starts_with(b"HTTP/1.1 200").then_some((stream, head))
+            assert!(head.starts_with(b"HTTP/1.1 200") && contains(&head, b"application/x-pcapng"));
+            stream
         });
-        assert!(contains(&head, b"application/x-pcapng"));
-        read_until(&mut stream, b"mbtcp", || {
+        read_until(&mut one, b"mbtcp", || {
             common::ask(&mut client, 1, &[3, 0, 0, 0, 1]);
         });
+        let third = self.call("frames", "GET", "", 409).body;
+        assert!(third.contains("two others get frames"), "{third}");
         self.seen.insert((path.to_owned(), "GET".to_owned(), 200));
     }
 
@@ -167,10 +180,10 @@ impl Caller {
             self.described.conforms(&events[0], &json!({"$ref": "#/components/schemas/Status"}), path);
         }
         self.seen.insert((path.to_owned(), "GET".to_owned(), 200));
-        self.call("events", "GET", "", 409);
-        self.call("frames", "GET", "", 409);
-        drop(held);
+        let fifth = self.call("events", "GET", "", 409).body;
+        assert!(fifth.contains("four pages have live values"), "{fifth}");
         self.frames();
+        drop(held);
     }
 
     /// Provokes the refusals that are alike for all operations.
@@ -184,6 +197,11 @@ impl Caller {
             (self.request(path, method, "").header("Origin", "http://evil.example"), 403),
         ];
         match &body {
+            Some(_) if path == UPDATE => {
+                all.push((self.request(path, method, "").header("Transfer-Encoding", "chunked"), 411));
+                all.push((self.request(path, method, &"x".repeat(TOO_LONG)), 413));
+                all.push((plain.clone().bearer(&self.token).body("text/html", b"x"), 415));
+            }
             Some(kind) => {
                 all.push((plain.clone().bearer(&self.token).body(kind, b"{\xff"), 400));
                 all.push((self.request(path, method, "").header("Transfer-Encoding", "chunked"), 411));
@@ -249,11 +267,62 @@ fn long_work(caller: &mut Caller) {
     assert!(contains(&rest, b"0 units found"), "{}", String::from_utf8_lossy(&rest));
 }
 
+/// Settings by JSON are the lines, and become the candidate.
+fn settings_as_json(caller: &mut Caller) {
+    let schema = caller.call("settings/schema", "GET", "", 200).json();
+    assert!(schema["properties"]["port"]["items"]["anyOf"].is_array(), "{schema}");
+    let lines = caller.call("settings", "GET", "", 200).body;
+    let whole = caller.call("settings/json", "GET", "", 200);
+    let port = json!({"name": "bare", "kind": "serial", "framing": "rtu", "side": "client", "baud": 9600, "format": "8N1"});
+    let known = whole.json()["port"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .find(|known| known["name"] == "bare")
+        .cloned()
+        .unwrap();
+    for (name, value) in port.as_object().unwrap() {
+        assert_eq!(known[name], *value, "{name}");
+    }
+    let path = "settings/candidate/json";
+    caller.call(path, "GET", "", 409);
+    caller.call(path, "PUT", &whole.body, 200);
+    assert_eq!(caller.call("settings/candidate", "GET", "", 200).body, lines);
+    // It never matches, as the one above takes its requests.
+    let rule =
+        json!({"route": [{"source": "P502", "units": "3", "from": "*", "tag": "*", "destination": "own"}]});
+    caller.call(path, "POST", &rule.to_string(), 200);
+    let diff = caller.call("settings/diff", "GET", "", 200).json();
+    let message = diff["rules"][0]["message"].as_str().unwrap();
+    assert!(diff["rules"][0]["rule"] == json!(3) && message.contains("never"), "{diff}");
+    let candidate = caller.call(path, "GET", "", 200).json();
+    assert_eq!(candidate["route"][2], rule["route"][0]);
+    for method in ["PUT", "POST"] {
+        caller.call(path, method, r#"{"port":[{"name":"x","kind":"tcp server","listen":"none"}]}"#, 422);
+        caller.call(path, method, r#"{"surprise":[]}"#, 400);
+    }
+    caller.call("settings/commit", "POST", r#"{"confirmed":60}"#, 204);
+    caller.call(path, "POST", "{}", 409);
+    caller.call(path, "PUT", "{}", 409);
+    caller.call("settings/rollback", "POST", "", 204);
+}
+
 /// The calls that run commands of the console.
 fn commands(caller: &mut Caller) {
-    for path in ["log", "audit", "users"] {
+    for path in ["network", "update", "ethercat"] {
+        caller.call(path, "GET", "", 200);
+    }
+    let refused = caller.call("update", "POST", "image", 409).body;
+    assert!(refused.contains("the package manager brings new versions"), "{refused}");
+    caller.call("update", "DELETE", "", 409);
+    for path in ["log", "audit", "users", "units"] {
         let rows = caller.call(path, "GET", "", 200).json();
         assert!(!rows[path].as_array().unwrap().is_empty(), "{path} of {rows}");
+    }
+    for kind in ["text/plain", "application/openmetrics-text"] {
+        let metrics = caller.request("/metrics", "GET", "").header("Accept", kind).gets(200);
+        assert!(metrics.body.contains("mobgate_port_events_total{port=\"P502\",event=\"requests\"}"));
+        caller.note("/metrics", "GET", metrics);
     }
     let explain = r#"{"port":"P502","unit":5,"function":3,"address":9,"count":2,"from":"127.0.0.1"}"#;
     let explained = caller.call("explain", "POST", explain, 200).json();
@@ -287,26 +356,13 @@ route P502 1-9 * * local
 route poll 1 * * own
 ";
 
-#[test]
-fn the_program_is_as_its_description_says() {
-    let described = Description::read();
-    let (_far, near) = SerialPort::pair().unwrap();
-    let device = rustix::termios::ttyname(&near, Vec::new()).unwrap().into_string().unwrap();
-    let web = with(&SETTINGS.replace("{device}", &device));
-    let token = web.token("anna");
-    let said = described.said();
-    let mut caller = Caller { described, web, token, seen: BTreeSet::new() };
-    // Somebody is connected.
-    let mut client = caller.web.program.connect();
-    common::ask(&mut client, 1, &[3, 0, 0, 0, 1]);
-
-    let ask = |table, more: &str| format!(r#"{{"port":"own","unit":1,"table":"{table}","address":0{more}}}"#);
+/// A candidate is drafted, committed, taken back, and refused where there is none or another one waits.
+fn candidates(caller: &mut Caller) {
     let candidate = "settings/candidate";
-    caller.call("session", "GET", "", 200);
-    caller.call("settings", "GET", "", 200);
     for (path, method) in [(candidate, "GET"), (candidate, "DELETE"), ("settings/diff", "GET")] {
         caller.call(path, method, "", 409);
     }
+    settings_as_json(caller);
     caller.call("settings/commit", "POST", "{}", 409);
     caller.call("settings/confirm", "POST", "", 409);
     caller.call("settings/rollback", "POST", "", 409);
@@ -328,9 +384,13 @@ fn the_program_is_as_its_description_says() {
     caller.call(candidate, "PUT", &whole, 200);
     caller.call("settings/commit", "POST", r#"{"confirmed":60}"#, 204);
     caller.call("settings/confirm", "POST", "", 204);
+}
+
+/// Units are asked through a client-side port.
+fn requests(caller: &mut Caller) {
     for (path, body) in [
-        ("read", ask("coil", ",\"count\":12")),
-        ("write", ask("coil", ",\"values\":[1,0,1]")),
+        ("read", table_of_own("coil", ",\"count\":12")),
+        ("write", table_of_own("coil", ",\"values\":[1,0,1]")),
         ("ping", r#"{"port":"own","unit":1}"#.to_owned()),
     ] {
         caller.call(path, "POST", &body, 200);
@@ -338,8 +398,42 @@ fn the_program_is_as_its_description_says() {
         // A server is not asked.
         caller.call(path, "POST", &body.replace("own", "P502"), 409);
     }
+}
+
+/// A request for a table of the unit behind the port `own`.
+fn table_of_own(table: &str, more: &str) -> String {
+    format!(r#"{{"port":"own","unit":1,"table":"{table}","address":0{more}}}"#)
+}
+
+/// Five wrong passwords lock the user out, with the right one, too.
+fn log_ins(caller: &mut Caller) {
+    caller.call("session", "POST", r#"{"user":"anna","password":"let me in"}"#, 200);
+    for _ in 0..5 {
+        caller.call("session", "POST", r#"{"user":"anna","password":"let me out"}"#, 401);
+    }
+    caller.call("session", "POST", r#"{"user":"anna","password":"let me in"}"#, 429);
+    caller.call("session", "DELETE", "", 204);
+}
+
+#[test]
+fn the_program_is_as_its_description_says() {
+    let described = Description::read();
+    let (_far, near) = SerialPort::pair().unwrap();
+    let device = rustix::termios::ttyname(&near, Vec::new()).unwrap().into_string().unwrap();
+    let web = with(&SETTINGS.replace("{device}", &device));
+    let token = web.token("anna");
+    let said = described.said();
+    let mut caller = Caller { described, web, token, seen: BTreeSet::new() };
+    // Somebody is connected.
+    let mut client = caller.web.program.connect();
+    common::ask(&mut client, 1, &[3, 0, 0, 0, 1]);
+
+    caller.call("session", "GET", "", 200);
+    caller.call("settings", "GET", "", 200);
+    candidates(&mut caller);
+    requests(&mut caller);
     commands(&mut caller);
-    caller.call("read", "POST", &ask("holding", ",\"count\":2,\"type\":\"f32\""), 200);
+    caller.call("read", "POST", &table_of_own("holding", ",\"count\":2,\"type\":\"f32\""), 200);
     let status = caller.call("status", "GET", "", 200).json();
     for table in ["ports", "servers", "units", "clients", "rules", "devices", "points"] {
         assert!(!status[table].as_array().unwrap().is_empty(), "{table} of {status}");
@@ -348,12 +442,9 @@ fn the_program_is_as_its_description_says() {
     for (path, method, _) in &said {
         caller.refusals(path, method);
     }
-    caller.call("session", "POST", r#"{"user":"anna","password":"let me in"}"#, 200);
-    for _ in 0..5 {
-        caller.call("session", "POST", r#"{"user":"anna","password":"let me out"}"#, 401);
-    }
-    caller.call("session", "POST", r#"{"user":"anna","password":"let me in"}"#, 429);
-    caller.call("session", "DELETE", "", 204);
+    log_ins(&mut caller);
+    let of_boards = OF_BOARDS.map(|(method, status)| (UPDATE.to_owned(), method.to_owned(), status));
+    caller.seen.extend(of_boards);
     let missed: Vec<_> = said.difference(&caller.seen).collect();
     assert!(missed.is_empty(), "described, and not seen: {missed:?}");
     methods(&caller);

@@ -149,6 +149,10 @@ fn roles_are_those_of_the_commands() {
         request("GET", "/api/v1/settings").gets(200);
         request("POST", "/api/v1/read").json(reads).gets(read);
         request("POST", "/api/v1/settings/candidate").lines("").gets(change);
+        let image = request("POST", "/api/v1/update").body("application/octet-stream", &[0; 300_000]);
+        // On Linux nobody does, and whoever has sent all reads why.
+        let refused = image.gets(if role == "anna" { 409 } else { 403 });
+        assert_eq!(refused.message().contains("apt install"), role == "anna", "{refused:?}");
     }
     web.program.logs("audit: 127.0.0.1: candidate is denied to the role operator");
 }
@@ -165,7 +169,7 @@ fn lines_become_a_candidate_and_a_commit_puts_it_in_force_and_saves_it() {
     request("GET", "/candidate").gets(409);
     request("POST", "/candidate").lines("route P502 10 * * local\n# a comment\n").gets(200);
     let diff = request("GET", "/diff").gets(200).json();
-    assert_eq!(diff, json!({"lines": ["+ route P502 10      * * local"], "restarts": []}));
+    assert_eq!(diff, json!({"lines": ["+ route P502 10      * * local"], "restarts": [], "rules": []}));
     request("POST", "/commit").json(r#"{"confirmed":600}"#).gets(204);
     assert!(!fs::read_to_string(web.program.config()).unwrap().contains("P502 10"), "not saved yet");
     request("POST", "/rollback").gets(204);
@@ -323,6 +327,37 @@ fn without_encryption_other_machines_get_in_only_where_the_port_says_cleartext()
     converse(&mut console, "edit port web allow 127.0.0.0/8\nshow config\n", "allow 127.0.0.0/8");
     let mut refused = wait_for("the interface", || TcpStream::connect((address, web.port)).ok());
     assert_eq!(refused.read(&mut [0]).unwrap_or(0), 0, "not even answered");
+}
+
+#[test]
+fn metrics_need_a_log_in_until_the_port_says_otherwise_and_the_dashboard_uses_those_that_there_are() {
+    let web = with(P502);
+    let metrics = || web.request("GET", "/metrics");
+    metrics().gets(401);
+    metrics().bearer(&web.token("viewer")).gets(200);
+    metrics().bearer("x").gets(401);
+    converse(&mut web.program.session(), "edit port web metrics\nshow config\n", " metrics");
+    let text = wait_for("the metrics", || Some(metrics().send()).filter(|now| now.status == 200)).body;
+    assert!(text.contains("mobgate_port_up{port=\"P502\"} 1\n"), "{text}");
+    // Nothing else needs no log-in now, and no other page reads them.
+    web.request("GET", "/api/v1/status").gets(401);
+    metrics().host("evil.example").gets(421);
+    metrics().header("Origin", "http://evil.example").gets(403);
+    let dashboard = include_str!("../../../../docs/grafana.json");
+    let is_name = |char: char| char.is_ascii_lowercase() || char.is_ascii_digit() || char == '_';
+    let used =
+        dashboard.match_indices("mobgate_").map(|(at, _)| dashboard[at..].split(|char| !is_name(char)));
+    let used: std::collections::BTreeSet<_> = used.filter_map(|mut words| words.next()).collect();
+    assert!(used.len() > 5, "{used:?}");
+    for name in used {
+        assert!(text.contains(&format!("# TYPE {name} ")), "{name} is no metric");
+    }
+    // Its events are those of the counters.
+    let known = |event: &str| text.contains(&format!("event=\"{event}\""));
+    let events = "requests answers queue-full refused no-path expired unit-down unwelcome crowded line-lost";
+    for event in events.split(' ') {
+        assert!(dashboard.contains(event) && known(event), "{event}");
+    }
 }
 
 #[test]

@@ -1,26 +1,26 @@
 //! OpenSSH's client.
 
-use std::io::{BufRead, BufReader, Write};
-use std::process::{Output, Stdio};
-use std::sync::Barrier;
-use std::thread;
+use std::process::Stdio;
 
-use crate::server::{NO_SESSION, Server, run, wait_for};
+use mobgate_simulator::waiting::wait_for;
+
+use crate::openssh_client::{NO_SESSION, begin, pipe, run, run_at_once};
+use crate::server::Server;
 
 #[test]
 fn a_line_runs_by_key_or_password_and_its_exit_status_tells_whether_it_was_refused() {
     let server = Server::start(true);
-    let (said, status) = run(&mut server.by_key(&[], "anna", "good"), "show users");
+    let (said, status) = run(&mut server.ssh.by_key(&[], "anna", "good"), "show users");
     assert!(said.contains("vera") && status == 0, "{status}: {said}");
-    let (said, status) = run(&mut server.by_password("anna", "right"), "show users");
+    let (said, status) = run(&mut server.ssh.by_password(&[], "anna", "right"), "show users");
     assert!(said.contains("vera") && status == 0, "{status}: {said}");
-    let (said, status) = run(&mut server.by_key(&[], "anna", "good"), "show prots");
+    let (said, status) = run(&mut server.ssh.by_key(&[], "anna", "good"), "show prots");
     assert!(said.contains("error: line 1") && status == 1, "{status}: {said}");
     // A client offers all its keys, also those of other types.
     let files = ["other", "wrong"].map(|name| server.file(name).display().to_string());
     let options = ["-i", &files[0], "-i", &files[1]];
-    assert_eq!(run(&mut server.by_key(&options, "anna", "good"), "show version").1, 0);
-    let (said, status) = run(&mut server.by_key(&["-tt"], "anna", "good"), "show users");
+    assert_eq!(run(&mut server.ssh.by_key(&options, "anna", "good"), "show version").1, 0);
+    let (said, status) = run(&mut server.ssh.by_key(&["-tt"], "anna", "good"), "show users");
     assert!(said.contains("vera") && said.contains("\r\n") && status == 0, "{status}: {said:?}");
     assert_eq!(server.logged_in(), 5);
 }
@@ -28,9 +28,9 @@ fn a_line_runs_by_key_or_password_and_its_exit_status_tells_whether_it_was_refus
 #[test]
 fn the_role_of_the_user_applies() {
     let server = Server::start(false);
-    let (said, status) = run(&mut server.by_key(&[], "vera", "good"), "delete user anna");
+    let (said, status) = run(&mut server.ssh.by_key(&[], "vera", "good"), "delete user anna");
     assert!(said.contains("needs the role engineer; yours is viewer") && status == 1, "{status}: {said}");
-    let (said, status) = run(&mut server.by_key(&[], "vera", "good"), "show users");
+    let (said, status) = run(&mut server.ssh.by_key(&[], "vera", "good"), "show users");
     assert!(said.contains("anna") && status == 0, "{status}: {said}");
 }
 
@@ -38,12 +38,12 @@ fn the_role_of_the_user_applies() {
 fn a_wrong_key_a_wrong_password_and_an_unknown_user_are_refused_and_pause_the_address() {
     let server = Server::start(true);
     for mut command in [
-        server.by_key(&[], "anna", "wrong"),
-        server.by_key(&[], "anna", "other"),
-        server.by_password("anna", "wrong-password"),
-        server.by_password("nobody", "right"),
-        server.by_key(&[], "nobody", "good"),
-        server.by_key(&[], "a-name-that-is-longer-than-those-of-users", "good"),
+        server.ssh.by_key(&[], "anna", "wrong"),
+        server.ssh.by_key(&[], "anna", "other"),
+        server.ssh.by_password(&[], "anna", "wrong-password"),
+        server.ssh.by_password(&[], "nobody", "right"),
+        server.ssh.by_key(&[], "nobody", "good"),
+        server.ssh.by_key(&[], "a-name-that-is-longer-than-those-of-users", "good"),
     ] {
         let (said, status) = run(&mut command, "show ports");
         assert!(said.contains("Permission denied") && status == NO_SESSION, "{status}: {said}");
@@ -51,33 +51,26 @@ fn a_wrong_key_a_wrong_password_and_an_unknown_user_are_refused_and_pause_the_ad
     assert_eq!(server.logged_in(), 0);
     // Five failures begin a pause, which grows with each more; a key of another type is none. In it nobody gets in.
     wait_for("a pause", || {
-        run(&mut server.by_password("anna", "wrong-password"), "show version");
-        (run(&mut server.by_key(&[], "anna", "good"), "show version").1 == NO_SESSION).then_some(())
+        let options = ["-o", "NumberOfPasswordPrompts=9"];
+        run(&mut server.ssh.by_password(&options, "anna", "wrong-password"), "show version");
+        (run(&mut server.ssh.by_key(&[], "anna", "good"), "show version").1 == NO_SESSION).then_some(())
     });
     wait_for("the end of the pause", || {
-        (run(&mut server.by_key(&[], "anna", "good"), "show version").1 == 0).then_some(())
+        (run(&mut server.ssh.by_key(&[], "anna", "good"), "show version").1 == 0).then_some(())
     });
 }
 
 #[test]
 fn a_board_without_passwords_says_so_and_takes_none() {
     let server = Server::start(false);
-    let (said, status) = run(&mut server.by_password("anna", "right"), "show version");
+    let (said, status) = run(&mut server.ssh.by_password(&[], "anna", "right"), "show version");
     assert!(said.contains("Permission denied (publickey)") && status == NO_SESSION, "{status}: {said}");
 }
 
 #[test]
 fn a_file_that_is_piped_in_is_carried_out_and_its_end_is_that_of_the_session() {
     let server = Server::start(false);
-    let piped = |options: &[&str], text: &str| {
-        let mut command = server.by_key(options, "anna", "good");
-        let mut child = command.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
-        let (mut to, text) = (child.stdin.take().unwrap(), text.to_owned());
-        let typing = thread::spawn(move || to.write_all(text.as_bytes()));
-        let Output { status, stdout, .. } = child.wait_with_output().unwrap();
-        let _ = typing.join();
-        (String::from_utf8(stdout).unwrap(), status.code().unwrap())
-    };
+    let piped = |options: &[&str], text: &str| pipe(server.ssh.by_key(options, "anna", "good"), text);
     // The last line lacks its end.
     assert_eq!(
         piped(&[], "port P7 serial uart7 rtu client 9600 8N1\nroute P7 1 * * local\ndelete route 1\nsave"),
@@ -97,7 +90,7 @@ fn new_firmware_is_taken_as_a_file() {
     let server = Server::start(false);
     std::fs::write(server.file("image.mgu"), vec![0x1b; 300_000]).unwrap();
     let image = std::fs::File::open(server.file("image.mgu")).unwrap();
-    let (said, status) = run(server.by_key(&[], "anna", "good").stdin(image), "update");
+    let (said, status) = run(server.ssh.by_key(&[], "anna", "good").stdin(image), "update");
     assert!(said.contains("9.8.7 is complete and genuine") && status == 0, "{status}: {said}");
 }
 
@@ -110,7 +103,7 @@ fn an_interactive_session_edits_and_is_as_wide_as_the_terminal() {
     let open = || Stdio::from(std::fs::File::options().read(true).write(true).open(&name).unwrap());
     let size = |columns| rustix::termios::Winsize { ws_row: 24, ws_col: columns, ws_xpixel: 0, ws_ypixel: 0 };
     rustix::termios::tcsetwinsize(&end, size(132)).unwrap();
-    let ssh = server.by_key(&["-tt"], "anna", "good");
+    let ssh = server.ssh.by_key(&["-tt"], "anna", "good");
     let mut command = std::process::Command::new("setsid");
     command.args(["--ctty", "--wait", "ssh"]).args(ssh.get_args());
     let mut client = command.stdin(open()).stdout(open()).stderr(open()).spawn().unwrap();
@@ -144,37 +137,16 @@ fn an_interactive_session_edits_and_is_as_wide_as_the_terminal() {
 #[test]
 fn eight_sessions_run_at_once() {
     let server = Server::start(false);
-    let together = Barrier::new(8);
-    thread::scope(|scope| {
-        for nth in 0..8 {
-            let together = &together;
-            scope.spawn(move || {
-                let mut command = server.by_key(&[], "anna", "good");
-                let mut child = command.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
-                let (mut to, from) = (child.stdin.take().unwrap(), child.stdout.take().unwrap());
-                to.write_all(b"show version\n").unwrap();
-                let (mut from, mut line) = (BufReader::new(from), String::new());
-                from.read_line(&mut line).unwrap();
-                assert!(line.starts_with("mobgate 0."), "session {nth}: {line:?}");
-                // All are in.
-                together.wait();
-                to.write_all(b"show users\n").unwrap();
-                drop(to);
-                let said = std::io::read_to_string(from).unwrap();
-                assert!(said.contains("vera"), "session {nth}: {said:?}");
-                assert_eq!(child.wait().unwrap().code(), Some(0), "session {nth}");
-            });
-        }
-    });
+    run_at_once(8, || server.ssh.by_key(&[], "anna", "good"));
 }
 
 #[test]
 fn nothing_but_sessions_is_served() {
     let server = Server::start(false);
-    let (said, status) = run(&mut server.by_key(&["-s"], "anna", "good"), "sftp");
+    let (said, status) = run(&mut server.ssh.by_key(&["-s"], "anna", "good"), "sftp");
     assert!(said.contains("subsystem request failed") && status == NO_SESSION, "{status}: {said}");
     let forward = ["-o", "ExitOnForwardFailure=yes", "-R", "0:127.0.0.1:9"];
-    let (said, status) = run(&mut server.by_key(&forward, "anna", "good"), "show version");
+    let (said, status) = run(&mut server.ssh.by_key(&forward, "anna", "good"), "show version");
     assert!(said.contains("forwarding failed") && status == NO_SESSION, "{status}: {said}");
     for old in [
         "Ciphers=aes128-ctr",
@@ -182,23 +154,18 @@ fn nothing_but_sessions_is_served() {
         "HostKeyAlgorithms=rsa-sha2-512",
     ] {
         let options = ["-o", old, "-o", "LogLevel=INFO"];
-        let (said, status) = run(&mut server.by_key(&options, "anna", "good"), "show version");
+        let (said, status) = run(&mut server.ssh.by_key(&options, "anna", "good"), "show version");
         assert!(said.contains("Unable to negotiate") && status == NO_SESSION, "{old}: {status}: {said}");
     }
     // The name that the method had before, and its guess.
     let options = ["-o", "KexAlgorithms=curve25519-sha256@libssh.org"];
-    assert_eq!(run(&mut server.by_key(&options, "anna", "good"), "show version").1, 0);
+    assert_eq!(run(&mut server.ssh.by_key(&options, "anna", "good"), "show version").1, 0);
 }
 
 #[test]
 fn a_session_that_its_client_leaves_is_over() {
     let server = Server::start(false);
-    let mut command = server.by_key(&[], "anna", "good");
-    let mut child = command.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
-    let mut to = child.stdin.take().unwrap();
-    to.write_all(b"show version\n").unwrap();
-    let mut line = String::new();
-    BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
+    let (mut child, _to, _from) = begin(server.ssh.by_key(&[], "anna", "good"));
     let before = server.ended();
     child.kill().unwrap();
     child.wait().unwrap();

@@ -2,10 +2,11 @@
 
 use mobgate_linux::capture::epoch_us;
 use mobgate_simulator::random::{Random, chosen};
+use mobgate_simulator::waiting::wait_for;
 
 use crate::payload;
 use crate::raw::{Client, Stage};
-use crate::server::{Server, wait_for};
+use crate::server::Server;
 
 #[test]
 fn random_packets_at_each_stage_do_no_harm() {

@@ -39,6 +39,37 @@ const MIXED: &[Entry] =
 const OUTPUT: Entry = Entry::reading("Output", DataType::U8).with_access(Access::READ.and(Access::RX_PDO));
 const INPUT: Entry = Entry::reading("Input", DataType::U8).with_access(Access::READ.and(Access::TX_PDO));
 
+/// With distributed clocks: SYNC0 and SYNC1 as push-pull, active-high outputs with pulses of 10 us.
+pub static CLOCKED: Device = Device {
+    memory: MemoryPlan::new(128, 120, 120, 4096),
+    controller: [0x80, 0x04, 0, 0x66, 0xe8, 0x03, 0, 0],
+    objects: CLOCKED_OBJECTS,
+    ..device(128)
+};
+/// The same with 16 bytes of process data each way.
+pub static CLOCKED_16: Device = Device { objects: CLOCKED_16_OBJECTS, ..CLOCKED };
+
+const CLOCKED_OBJECTS: &[Object] = &clocked(120);
+const CLOCKED_16_OBJECTS: &[Object] = &clocked(16);
+
+/// Sorted by index.
+const fn clocked(bytes: u8) -> [Object; 12] {
+    [
+        standard::device_type(0),
+        standard::identity(IDENTITY_ENTRIES),
+        standard::ERROR_SETTINGS,
+        Object::mapping(0x1600, "All outputs", &[Mapped { index: 0x3000, sub: 1, count: bytes, bits: 8 }]),
+        Object::mapping(0x1a00, "All inputs", &[Mapped { index: 0x3001, sub: 1, count: bytes, bits: 8 }]),
+        standard::SYNC_MANAGER_TYPES,
+        standard::rx_assignment(&[0x1600], standard::FIXED),
+        standard::tx_assignment(&[0x1a00], standard::FIXED),
+        standard::OUTPUT_CLOCKS,
+        standard::INPUT_CLOCKS,
+        Object::array(0x3000, "Outputs", 120, OUTPUT),
+        Object::array(0x3001, "Inputs", 120, INPUT),
+    ]
+}
+
 const OBJECTS: &[Object] = &[
     standard::device_type(0),
     standard::device_name("A bench for everything that the CAN application protocol over EtherCAT can do"),

@@ -27,11 +27,11 @@ use crate::{Interrupt, Kind, SharedChip};
 use mobgate_world::{Random, World};
 
 /// Round trip of a frame.
-const FRAME_TIME: Duration = Duration::from_micros(50);
+pub(super) const FRAME_TIME: Duration = Duration::from_micros(50);
 /// Until the device has started its chip.
 const POWER_ON: Duration = Duration::from_millis(100);
 /// Cycle of process data while waiting for Op.
-const CYCLE: Duration = Duration::from_millis(1);
+pub(super) const CYCLE: Duration = Duration::from_millis(1);
 /// Room for the longest images in both directions.
 const GROUP_BYTES: usize = 3072;
 
@@ -270,7 +270,7 @@ impl Exchanged {
         Ok(exchanged)
     }
 
-    fn add_seen_by(&mut self, echo: &Echo, cycles: u64) {
+    pub(super) fn add_seen_by(&mut self, echo: &Echo, cycles: u64) {
         // The first image is repeated until Op is reached, and is taken once from SafeOp.
         self.lost = echo.lost + cycles + 1 - echo.last.unwrap_or(0);
         self.wrong += echo.torn;

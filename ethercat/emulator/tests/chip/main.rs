@@ -1,6 +1,7 @@
 //! The controller at register level and the LAN9252 in front of it: what ETG.1000 and the data sheets say of them.
 
 mod buffers;
+mod clocks;
 mod commands;
 mod control;
 mod eeprom;

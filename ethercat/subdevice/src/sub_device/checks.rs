@@ -13,7 +13,7 @@ pub(super) type SyncManagers = [SyncManager; SYNC_MANAGERS_USED];
 
 impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevice<E, A, OUTPUTS, INPUTS> {
     /// Falls back to `state` with `code`.
-    async fn fall(&mut self, state: AlState, code: AlStatusCode) -> Result<(), EscError> {
+    pub(super) async fn fall(&mut self, state: AlState, code: AlStatusCode) -> Result<(), EscError> {
         self.op_deadline = None;
         self.go_down(state).await?;
         self.al.fell(state, code);

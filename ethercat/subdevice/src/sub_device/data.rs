@@ -30,7 +30,10 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
         let seen = if came { self.take_outputs(ahead).await? } else { Seen::Nothing };
         let due = match self.runs_free() {
             true => Instant::now() >= self.images.inputs_due,
-            false => came && !self.images.outputs_due || events.any(Events::INPUTS_FETCHED),
+            false => {
+                let fetched = events.any(Events::INPUTS_FETCHED);
+                self.follows_frames() && (came && !self.images.outputs_due || fetched)
+            }
         };
         if due {
             self.write_inputs().await?;
@@ -70,6 +73,7 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
     /// stay due until the change is known.
     async fn take_outputs(&mut self, ahead: bool) -> Result<Seen, EscError> {
         self.images.outputs_valid = false;
+        self.clocks.outputs_change();
         self.read_outputs(ahead).await?;
         let mut seen = Seen::Quiet;
         if self.esc.asks().await? {
@@ -78,10 +82,11 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
             if events.any(Events::SYNC_MANAGER_CHANGED) {
                 return Ok(seen);
             }
-            self.communication.note_missed(events.any(Events::OUTPUTS_WRITTEN));
+            self.communication.timing.note_missed(events.any(Events::OUTPUTS_WRITTEN));
         }
         (self.images.outputs_due, self.images.outputs_valid) = (false, true);
         match self.al.state() {
+            _ if self.clocks.are_used() => self.clocks.outputs_ready(),
             AlState::Op => self.hand_out(),
             // SafeOp stores outputs without effect.
             _ if self.op_deadline.is_some() => self.op_with_outputs().await?,

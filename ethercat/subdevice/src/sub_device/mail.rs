@@ -36,6 +36,7 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
         }
         let taken = events.any(Events::MAILBOX_WRITTEN) && self.takes_requests();
         if taken {
+            self.let_pulse_pass().await?;
             self.take_request().await?;
         }
         let given = self.give_message().await?;
@@ -79,6 +80,7 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
 
     fn object_request(&mut self, payload: &[u8]) -> Result<Option<Payload>, MailboxError> {
         self.communication.timing.minimum_cycle_ns = self.cycle_ns_min();
+        self.communication.timing.copy_ns = self.copy_ns();
         let mut dictionary = Dictionary {
             device: self.device,
             communication: &mut self.communication,
@@ -126,6 +128,9 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
             self.mailbox.send(protocol, payload);
         }
         let mut buffer = [0; MAILBOX_BYTES_MAX];
+        if !self.mailbox.is_idle() && !self.mailbox.is_occupied() {
+            self.let_pulse_pass().await?;
+        }
         let Some(message) = self.mailbox.next(&mut buffer) else { return Ok(false) };
         self.esc.write(self.device.memory.start(Channel::MailboxIn), message).await?;
         Ok(true)

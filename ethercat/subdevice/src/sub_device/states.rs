@@ -5,13 +5,12 @@ use embassy_time::Instant;
 use super::{OUTPUTS_WAIT, SubDevice};
 use crate::al_state::{AlControl, AlMachine, AlState, AlStatusCode, Step};
 use crate::application::Application;
+use crate::clocks::SyncUnit;
 use crate::coe::Coe;
 use crate::coe::emergency::Cause;
 use crate::esc::{Esc, EscError};
 use crate::foe::FileAccess;
-use crate::registers::{
-    AL_CONTROL, AL_STATUS, AL_STATUS_CODE, DC_ACTIVATION, STATION_ALIAS, SYNC_MANAGERS_PRESENT,
-};
+use crate::registers::{AL_CONTROL, AL_STATUS, AL_STATUS_CODE, STATION_ALIAS, SYNC_MANAGERS_PRESENT};
 use crate::sync_manager::{Channel, SYNC_MANAGERS_MAX};
 
 /// Why a state was not reached.
@@ -53,6 +52,7 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
         self.al = AlMachine::new(fault);
         self.entered(AlState::Init);
         self.op_deadline = None;
+        self.use_clocks(None);
         self.mask = None;
         self.proved = Instant::now();
         self.write_status().await
@@ -134,12 +134,13 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
     }
 
     async fn prepare_safe_op(&mut self) -> Result<(), Failure> {
-        let mut activation = [0];
-        self.esc.read(DC_ACTIVATION, &mut activation).await?;
-        if activation[0] & 1 != 0 {
-            return Err(AlStatusCode::InvalidDcConfiguration.into());
+        let unit = SyncUnit::read(&mut self.esc).await?;
+        match self.communication.synchronisation() {
+            _ if unit.is_on() => {}
+            _ if self.communication.wants_clocks() => return Err(AlStatusCode::InvalidDcConfiguration.into()),
+            None => return Err(AlStatusCode::SynchronisationNotSupported.into()),
+            Some(_) => {}
         }
-        self.communication.synchronisation().ok_or(AlStatusCode::SynchronisationNotSupported)?;
         self.application.may_enter(AlState::SafeOp)?;
         self.communication.follow(&self.application);
         for (channel, code) in [
@@ -154,8 +155,11 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
         }
         let found = self.read_sync_managers().await?;
         self.check_process_data(&found)?;
+        // By the PDOs that are assigned now.
+        let cycle = unit.cycle(self.communication.offer, self.cycle_ns_min())?;
+        self.use_clocks(cycle);
         (self.images.outputs_valid, self.images.outputs_due) = (false, false);
-        self.communication.timing.missed_events = 0;
+        self.communication.timing.reset();
         for channel in [Channel::Outputs, Channel::Inputs] {
             self.switch(channel, self.data_bytes(channel) > 0).await?;
         }
@@ -167,6 +171,11 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
     /// Op needs outputs: sets the deadline if they have not arrived yet.
     fn prepare_op(&mut self) -> Result<(), Failure> {
         self.application.may_enter(AlState::Op)?;
+        if self.clocks.are_used() {
+            self.clocks.begin_op();
+            self.op_deadline = Some(Instant::now() + OUTPUTS_WAIT);
+            return Ok(());
+        }
         if self.data_bytes(Channel::Outputs) == 0 {
             return Ok(());
         }
@@ -180,8 +189,13 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
 
     /// Enters Op, as the outputs that it needs have arrived.
     pub(super) async fn op_with_outputs(&mut self) -> Result<(), EscError> {
-        self.op_deadline = None;
         self.hand_out();
+        self.enter_op().await
+    }
+
+    /// The same, with outputs that the application has.
+    pub(super) async fn enter_op(&mut self) -> Result<(), EscError> {
+        self.op_deadline = None;
         self.al.reached(AlState::Op);
         self.entered(AlState::Op);
         self.write_status().await
@@ -193,7 +207,7 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
             return Ok(());
         }
         self.op_deadline = None;
-        self.refuse(AlState::Op, AlStatusCode::SyncManagerWatchdog);
+        self.refuse(AlState::Op, self.op_refusal());
         self.write_status().await
     }
 
@@ -211,6 +225,7 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
             self.application.outputs_stopped();
         }
         if !state.has_process_data() {
+            self.use_clocks(None);
             self.switch(Channel::Outputs, false).await?;
             self.switch(Channel::Inputs, false).await?;
         }

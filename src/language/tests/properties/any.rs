@@ -23,42 +23,9 @@ pub(super) fn any_route(ports: Vec<Port>) -> impl Strategy<Value = Route> {
         1 => Just(Destination::Discard),
         1 => Just(Destination::NoPath),
     ];
-    let functions = prop_oneof![
-        Just(Functions::ALL),
-        Just(Functions::READ_ONLY),
-        prop::collection::vec(1..=127_u8, 1..40)
-            .prop_map(|codes| codes.into_iter().fold(Functions::NONE, Functions::with)),
-        prop::collection::vec(1..=127_u8, 0..40).prop_map(|codes| {
-            codes.into_iter().fold(Functions::NONE.with_identification(), Functions::with)
-        }),
-    ];
-    let forbidden = prop_oneof![Just(Forbidden::Refuse), Just(Forbidden::Ignore)];
-    let priority = prop_oneof![Just(Priority::High), Just(Priority::Normal), Just(Priority::Low)];
     let tag = (any::<u8>(), any::<u8>(), 0..3_u8, any::<u8>());
-    let range = prop_oneof![
-        Just(AddressRange::ALL),
-        any::<(u16, u16)>().prop_map(|(a, b)| AddressRange { first: a.min(b), last: a.max(b) }),
-    ];
-    let urgent = prop::collection::vec(1..=127_u8, 0..5)
-        .prop_map(|codes| codes.into_iter().fold(Functions::NONE, Functions::with));
-    let cache = prop_oneof![Just(0), 0..=60_000_u16];
-    let merge = prop_oneof![Just(Merge::Off), Just(Merge::Identical), any::<u8>().prop_map(Merge::Near)];
-    let sharing = (merge, cache).prop_map(|(merge, cache_ms)| Sharing { merge, cache_ms });
-    let cut = prop_oneof![Just(Cut::Auto), Just(Cut::On), Just(Cut::Off)];
-    let policy = (functions, range.clone(), range, forbidden, priority, urgent, sharing, cut).prop_map(
-        |(functions, addresses, writes, forbidden, priority, urgent, sharing, cut)| Policy {
-            functions,
-            addresses,
-            writes,
-            forbidden,
-            priority,
-            urgent,
-            sharing,
-            cut,
-        },
-    );
     let role = prop::option::of("[!$-+\\--~][!#-+\\--~]{0,30}");
-    (0..count, tag, prop::option::of(any_prefix()), role, destination, policy).prop_map(
+    (0..count, tag, prop::option::of(any_prefix()), role, destination, any_policy()).prop_map(
         move |(source, (a, b, kind, value), peer, role, destination, policy)| {
             let units = UnitRange { first: a.min(b), last: a.max(b) };
             let tag = match kind {
@@ -77,6 +44,42 @@ pub(super) fn any_route(ports: Vec<Port>) -> impl Strategy<Value = Route> {
             let destination =
                 if destination == Destination::Port(source) { Destination::Local } else { destination };
             Route { source, units, peer: peer.filter(|_| has_peers), role, tag, destination, policy }
+        },
+    )
+}
+
+fn any_policy() -> impl Strategy<Value = Policy> {
+    let functions = prop_oneof![
+        Just(Functions::ALL),
+        Just(Functions::READ_ONLY),
+        prop::collection::vec(1..=127_u8, 1..40)
+            .prop_map(|codes| codes.into_iter().fold(Functions::NONE, Functions::with)),
+        prop::collection::vec(1..=127_u8, 0..40).prop_map(|codes| {
+            codes.into_iter().fold(Functions::NONE.with_identification(), Functions::with)
+        }),
+    ];
+    let forbidden = prop_oneof![Just(Forbidden::Refuse), Just(Forbidden::Ignore)];
+    let priority = prop_oneof![Just(Priority::High), Just(Priority::Normal), Just(Priority::Low)];
+    let range = prop_oneof![
+        Just(AddressRange::ALL),
+        any::<(u16, u16)>().prop_map(|(a, b)| AddressRange { first: a.min(b), last: a.max(b) }),
+    ];
+    let urgent = prop::collection::vec(1..=127_u8, 0..5)
+        .prop_map(|codes| codes.into_iter().fold(Functions::NONE, Functions::with));
+    let cache = prop_oneof![Just(0), 0..=60_000_u16];
+    let merge = prop_oneof![Just(Merge::Off), Just(Merge::Identical), any::<u8>().prop_map(Merge::Near)];
+    let sharing = (merge, cache).prop_map(|(merge, cache_ms)| Sharing { merge, cache_ms });
+    let cut = prop_oneof![Just(Cut::Auto), Just(Cut::On), Just(Cut::Off)];
+    (functions, range.clone(), range, forbidden, priority, urgent, sharing, cut).prop_map(
+        |(functions, addresses, writes, forbidden, priority, urgent, sharing, cut)| Policy {
+            functions,
+            addresses,
+            writes,
+            forbidden,
+            priority,
+            urgent,
+            sharing,
+            cut,
         },
     )
 }
@@ -191,7 +194,7 @@ fn any_name(nth: usize) -> Name {
     Name::try_from(std::format!("user.{nth}").as_str()).unwrap()
 }
 
-pub(super) fn any_settings() -> impl Strategy<Value = Box<Settings>> {
+pub(crate) fn any_settings() -> impl Strategy<Value = Box<Settings>> {
     (1..=PORTS_MAX)
         .prop_flat_map(|count| (0..count).map(any_port).collect::<Vec<_>>())
         .prop_flat_map(|ports| {

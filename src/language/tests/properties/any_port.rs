@@ -147,7 +147,7 @@ pub(super) fn any_tcp_server(n: usize) -> impl Strategy<Value = PortKind> {
                 pipeline,
                 lifetime,
                 reserved,
-                (reserved_for, allowed, tls),
+                (reserved_for, allowed, _tls),
             )| {
                 let allowed = Allowed(allowed.into_iter().collect());
                 let reserved = if reserved_for.is_empty() { 0 } else { reserved.min(clients) };
@@ -173,7 +173,7 @@ pub(super) fn any_tcp_server(n: usize) -> impl Strategy<Value = PortKind> {
                     allowed,
                     // As the field.
                     #[cfg(feature = "tls")]
-                    tls: if framing == StreamFraming::Ssh { TlsSettings::OFF } else { tls },
+                    tls: if framing == StreamFraming::Ssh { TlsSettings::OFF } else { _tls },
                 })
             },
         )
@@ -221,7 +221,7 @@ pub(super) fn any_tcp_client() -> impl Strategy<Value = PortKind> {
     (place, duration(1_000..=hour), duration(1_000..=hour), delays, idle, 0..=10_u8, health).prop_map(
         |(place, timeout, connect_timeout, delays, idle, retries, health)| {
             let ((server, sockets), framing, unit, in_flight) = place;
-            let (late_window, down_after, proofs, tls) = health;
+            let (late_window, down_after, proofs, _tls) = health;
             let (connect_delay, request_delay) = delays;
             PortKind::TcpClient(TcpClientSettings {
                 unit: unit.filter(|_| server.is_some()),
@@ -240,7 +240,7 @@ pub(super) fn any_tcp_client() -> impl Strategy<Value = PortKind> {
                 proofs: if framing == StreamFraming::Rtu { proofs } else { Proofs::default() },
                 // As the field.
                 #[cfg(feature = "tls")]
-                tls,
+                tls: _tls,
             })
         },
     )
@@ -273,14 +273,26 @@ pub(super) fn any_udp_server(n: usize) -> impl Strategy<Value = PortKind> {
 /// There can be one, where the image has it.
 // As the variant.
 #[cfg(feature = "web")]
-pub(super) fn any_http() -> impl Strategy<Value = PortKind> {
+pub(super) fn any_http(_: usize) -> impl Strategy<Value = PortKind> {
     let allowed = prop::collection::vec(any_prefix(), 0..=RESERVED_MAX);
     let address = prop::option::of((1..=u32::MAX).prop_map(|bits| IpAddr::V4(bits.into())));
-    (address, allowed, any::<bool>()).prop_map(|(address, allowed, cleartext)| PortKind::Http {
-        listen: TcpListen { address, port: 80 },
-        allowed: Allowed(allowed.into_iter().collect()),
-        cleartext,
+    let flags = (any::<bool>(), any::<bool>(), any_tls(1));
+    (address, allowed, flags).prop_map(|(address, allowed, (cleartext, metrics, _tls))| {
+        PortKind::Http(HttpSettings {
+            allowed: Allowed(allowed.into_iter().collect()),
+            cleartext,
+            metrics,
+            #[cfg(feature = "tls")]
+            tls: _tls,
+            ..HttpSettings::new(TcpListen { address, port: 80 })
+        })
     })
+}
+
+/// Images without a web interface have another port instead.
+#[cfg(not(feature = "web"))]
+pub(super) fn any_http(n: usize) -> impl Strategy<Value = PortKind> {
+    any_udp_server(n)
 }
 
 pub(super) fn any_stream() -> impl Strategy<Value = StreamFraming> {
@@ -319,9 +331,7 @@ pub(super) fn any_port(n: usize) -> impl Strategy<Value = Port> {
         any_tcp_client().boxed(),
         any_udp_server(n).boxed(),
         if n == 0 && POINTS { any_ethercat().boxed() } else { any_udp_server(n).boxed() },
-        // As above.
-        #[cfg(feature = "web")]
-        if n == 1 { any_http().boxed() } else { any_udp_server(n).boxed() },
+        if n == 1 { any_http(n).boxed() } else { any_udp_server(n).boxed() },
     ];
     ("[A-Za-z][A-Za-z0-9.-]{0,11}", kind, any_units()).prop_map(move |(name, kind, units)| {
         // The number keeps names apart, also from the reserved ones.

@@ -9,7 +9,7 @@ use super::{End, Server};
 use crate::hal::TcpStream;
 
 impl Server<'_, '_> {
-    /// Serves the console. Who has logged in is displaced by nobody: newcomers displace each other.
+    /// Serves the console. A session is never displaced; clients that have not logged in displace each other.
     pub(super) async fn converse<S: TcpStream>(
         &self,
         stream: &mut S,

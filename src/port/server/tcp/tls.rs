@@ -1,19 +1,11 @@
-//! A client of a server with TLS: the board shakes hands, and tells the role in the client's certificate.
+//! Clients of a server with TLS.
 
 use core::net::SocketAddr;
-use core::pin::pin;
-
-use embassy_time::Duration;
 
 use super::{End, Server};
 use crate::hal::{OpenError, TcpHost, TcpStream};
-use crate::port::server::listening;
-use crate::port::timer::within;
+use crate::port::server::handshake::{Unsecured, handshake};
 use crate::settings::{ClientRole, PortKind};
-
-/// A client that has not shown its certificate by then is disconnected. It takes none of the port's places, but keeps the task that
-/// accepts newcomers.
-const HANDSHAKE_MAX: Duration = Duration::from_secs(5);
 
 impl Server<'_, '_> {
     /// Whether the port speaks TLS.
@@ -22,12 +14,12 @@ impl Server<'_, '_> {
         self.gateway.settings(|settings| settings.port(self.id).is_some_and(|port| is_secure(&port.kind)))
     }
 
-    /// Fails if the port speaks TLS and the board cannot, with the certificates that it has.
+    /// Fails if the port speaks TLS and the board cannot, or lacks the certificates.
     pub(super) fn prepare<H: TcpHost>(&self, host: &H) -> Result<(), OpenError> {
         if self.is_secure() { host.prepare_tls(self.id) } else { Ok(()) }
     }
 
-    /// Begins TLS if the port speaks it; gives the client's role. A peer that may not connect gets no chance to.
+    /// Starts TLS if the port speaks it, and returns the client's role. A peer that may not connect gets no handshake.
     pub(super) async fn secure<S: TcpStream>(
         &self,
         stream: &mut S,
@@ -36,14 +28,10 @@ impl Server<'_, '_> {
         if !self.is_secure() || !self.admits(peer) {
             return Ok(ClientRole::NONE);
         }
-        match within(HANDSHAKE_MAX, pin!(stream.secure(self.id, None))).await {
-            Some(Ok(role)) => Ok(role),
-            Some(Err(OpenError { hint, .. })) => {
-                listening::refuses_certificate(self.gateway, self.id, peer.ip(), hint);
-                Err(End::Unwelcome)
-            }
-            None => Err(End::Stalled),
-        }
+        handshake(self.gateway, self.id, stream, peer.ip()).await.map_err(|why| match why {
+            Unsecured::Refused => End::Unwelcome,
+            Unsecured::Stalled => End::Stalled,
+        })
     }
 
     /// Whether the address may connect.

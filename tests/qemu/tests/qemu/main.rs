@@ -5,7 +5,12 @@ use mobgate_qemu::{Bus, Machine, Options};
 mod audit;
 mod board;
 mod clients;
+mod common;
 mod ethercat;
+#[path = "../../../../boards/linux/tests/web/http.rs"]
+mod http;
+#[path = "../../../../boards/linux/tests/ssh/openssh_client.rs"]
+mod openssh_client;
 #[path = "../../../../boards/linux/tests/ssh/payload.rs"]
 mod payload;
 mod points;
@@ -13,6 +18,7 @@ mod points;
 mod raw;
 mod routing;
 mod ssh;
+mod web;
 
 /// A board with its first settings and units 1 to 3, 65 to 67 and 129 to 131 on its three lines.
 struct Bench {

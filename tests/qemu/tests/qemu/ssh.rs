@@ -1,25 +1,20 @@
 //! The console by SSH, with OpenSSH's client and with one that sends packets as no other does.
 
-use std::fs::{self, Permissions};
-use std::io::{BufRead, BufReader, Read, Write};
-use std::os::unix::fs::PermissionsExt;
-use std::path::{Path, PathBuf};
-use std::process::{ChildStdout, Command, Output, Stdio};
-use std::sync::Barrier;
-use std::thread;
+use std::io::{Read, Write};
+use std::path::Path;
+use std::process::{ChildStdout, Stdio};
 
 use mobgate_qemu::{Image, Machine, Options, wait_for};
 use mobgate_simulator::random::{Random, chosen};
 
+use crate::openssh_client::{NO_SESSION, OpenSsh, make_key, make_passwords, pipe, run, run_at_once};
 use crate::payload;
 use crate::raw::{Client, KEY, Stage};
 
-/// What ssh(1) returns if it got no session.
-const NO_SESSION: i32 = 255;
 /// Sessions at a time.
 const SESSIONS: usize = 8;
 /// `let me in`, with parameters that cost little.
-const PASSWORD: &str =
+pub(crate) const PASSWORD: &str =
     "$argon2id$v=19$m=8,t=1,p=1$MDEyMzQ1Njc4OWFiY2RlZg$MbnuQj2xrGASZb+GaVRPOkBaCDUjNErQQKePN3mCUfA";
 
 /// The board with an SSH server, and what its users have.
@@ -27,17 +22,6 @@ struct Bench {
     // Ended before its folder goes.
     machine: Machine,
     folder: tempfile::TempDir,
-}
-
-/// A key of this name in `folder`; returns its public part as OpenSSH writes it.
-fn make_key(folder: &Path, name: &str) -> String {
-    let file = folder.join(name);
-    let made = Command::new("ssh-keygen")
-        .args(["-q", "-N", "", "-C", "", "-t", "ed25519", "-f"])
-        .arg(&file)
-        .status();
-    assert!(made.unwrap().success());
-    fs::read_to_string(file.with_extension("pub")).unwrap().trim().to_owned()
 }
 
 fn start(folder: &Path) -> Machine {
@@ -48,7 +32,8 @@ impl Bench {
     /// With the engineer `anna`, who has a password, and the viewer `vera`; both have the key `good`.
     fn new() -> Self {
         let folder = tempfile::tempdir().unwrap();
-        let [good, _] = ["good", "wrong"].map(|name| make_key(folder.path(), name));
+        let [good, _] = ["good", "wrong"].map(|name| make_key(folder.path(), name, "ed25519"));
+        make_passwords(folder.path());
         let bench = Self { machine: start(folder.path()), folder };
         let mut console = bench.machine.console();
         for line in [
@@ -67,35 +52,14 @@ impl Bench {
         bench
     }
 
-    fn file(&self, name: &str) -> PathBuf {
-        self.folder.path().join(name)
-    }
-
-    /// ssh(1) with `options`, which go first, as `user`, who has the key of this name. The host key that it sees first is the right one.
-    fn ssh(&self, options: &[&str], user: &str, key: &str) -> Command {
-        let mut command = Command::new("ssh");
-        command.args(["-F", "none", "-p", &self.machine.ssh_port().to_string(), "-i"]).arg(self.file(key));
-        let known = format!("UserKnownHostsFile={}", self.file("known").display());
-        // The port is another after each start.
-        command.args(options);
-        let fixed = ["HostKeyAlias=board", "StrictHostKeyChecking=accept-new", &known, "LogLevel=ERROR"];
-        for option in fixed.iter().chain(&["IdentitiesOnly=yes", "BatchMode=yes"]) {
-            command.args(["-o", option]);
-        }
-        command.arg(format!("{user}@127.0.0.1")).stdin(Stdio::null());
-        command
+    fn ssh(&self) -> OpenSsh {
+        OpenSsh::new(self.folder.path(), self.machine.ssh_port())
     }
 
     /// Runs `line` as `user` with the key `good`; gives what was printed, and the exit status.
     fn run(&self, user: &str, line: &str) -> (String, i32) {
-        run(self.ssh(&[], user, "good").arg(line))
+        run(&mut self.ssh().by_key(&[], user, "good"), line)
     }
-}
-
-fn run(command: &mut Command) -> (String, i32) {
-    let Output { status, stdout, stderr } = command.output().unwrap();
-    let said = String::from_utf8_lossy(&stdout) + String::from_utf8_lossy(&stderr);
-    (said.into_owned(), status.code().unwrap())
 }
 
 /// What comes up to `end`.
@@ -118,7 +82,7 @@ fn a_line_runs_by_key_and_a_wrong_key_opens_nothing() {
     assert!(said.contains("did you mean ports?") && status == 1, "{status}: {said}");
     let (said, status) = bench.run("vera", "delete user anna");
     assert!(said.contains("needs the role engineer; yours is viewer") && status == 1, "{status}: {said}");
-    let (said, status) = run(bench.ssh(&[], "anna", "wrong").arg("show ports"));
+    let (said, status) = run(&mut bench.ssh().by_key(&[], "anna", "wrong"), "show ports");
     assert!(
         said.contains("Permission denied (publickey,password)") && status == NO_SESSION,
         "{status}: {said}"
@@ -137,17 +101,10 @@ fn a_line_runs_by_key_and_a_wrong_key_opens_nothing() {
 #[test]
 fn a_password_opens_a_session_and_a_wrong_one_opens_nothing() {
     let bench = Bench::new();
-    let ask = bench.file("ask");
-    let options = ["BatchMode=no", "PreferredAuthentications=password", "NumberOfPasswordPrompts=1"];
-    let options: Vec<&str> = options.iter().flat_map(|option| ["-o", option]).collect();
-    for (password, opens) in [("let me out", false), ("let me in", true)] {
-        fs::write(&ask, format!("#!/bin/sh\necho '{password}'\n")).unwrap();
-        fs::set_permissions(&ask, Permissions::from_mode(0o700)).unwrap();
-        let mut ssh = bench.ssh(&options, "anna", "good");
-        let (said, status) =
-            run(ssh.env("SSH_ASKPASS", &ask).env("SSH_ASKPASS_REQUIRE", "force").arg("show version"));
-        assert_eq!(said.contains("on QEMU mps2-an386"), opens, "{password}: {said}");
-        assert_eq!(status, if opens { 0 } else { NO_SESSION }, "{password}: {said}");
+    for (script, opens) in [("wrong-password", false), ("right", true)] {
+        let (said, status) = run(&mut bench.ssh().by_password(&[], "anna", script), "show version");
+        assert_eq!(said.contains("on QEMU mps2-an386"), opens, "{script}: {said}");
+        assert_eq!(status, if opens { 0 } else { NO_SESSION }, "{script}: {said}");
     }
     bench.machine.logs("a wrong password for anna");
     bench.machine.logs("logged in as engineer");
@@ -156,15 +113,7 @@ fn a_password_opens_a_session_and_a_wrong_one_opens_nothing() {
 #[test]
 fn a_file_that_is_piped_in_is_carried_out_and_its_end_is_that_of_the_session() {
     let bench = Bench::new();
-    let piped = |text: &str| {
-        let mut command = bench.ssh(&[], "anna", "good");
-        let mut child = command.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
-        let (mut to, text) = (child.stdin.take().unwrap(), text.to_owned());
-        let typing = thread::spawn(move || to.write_all(text.as_bytes()));
-        let Output { status, stdout, .. } = child.wait_with_output().unwrap();
-        let _ = typing.join();
-        (String::from_utf8(stdout).unwrap(), status.code().unwrap())
-    };
+    let piped = |text: &str| pipe(bench.ssh().by_key(&[], "anna", "good"), text);
     // The last line lacks its end.
     let lines = "route P502 248 * =3 P1\n".to_owned()
         + &"route P502 249 * =3 P1\ndelete route 5\n".repeat(50)
@@ -179,7 +128,7 @@ fn a_file_that_is_piped_in_is_carried_out_and_its_end_is_that_of_the_session() {
 #[test]
 fn a_session_at_a_terminal_edits_and_may_be_left() {
     let bench = Bench::new();
-    let mut command = bench.ssh(&["-tt"], "anna", "good");
+    let mut command = bench.ssh().by_key(&["-tt"], "anna", "good");
     let mut child = command.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
     let (mut to, mut from) = (child.stdin.take().unwrap(), child.stdout.take().unwrap());
     read_until(&mut from, "mobgate> ");
@@ -195,28 +144,7 @@ fn a_session_at_a_terminal_edits_and_may_be_left() {
 #[test]
 fn eight_sessions_run_at_once() {
     let bench = Bench::new();
-    let (together, bench) = (Barrier::new(SESSIONS), &bench);
-    thread::scope(|scope| {
-        for nth in 0..SESSIONS {
-            let together = &together;
-            scope.spawn(move || {
-                let mut command = bench.ssh(&[], "anna", "good");
-                let mut child = command.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
-                let (mut to, from) = (child.stdin.take().unwrap(), child.stdout.take().unwrap());
-                to.write_all(b"show version\n").unwrap();
-                let (mut from, mut line) = (BufReader::new(from), String::new());
-                from.read_line(&mut line).unwrap();
-                assert!(line.starts_with("mobgate 0."), "session {nth}: {line:?}");
-                // All are in.
-                together.wait();
-                to.write_all(b"show users\n").unwrap();
-                drop(to);
-                let said = std::io::read_to_string(from).unwrap();
-                assert!(said.contains("vera"), "session {nth}: {said:?}");
-                assert_eq!(child.wait().unwrap().code(), Some(0), "session {nth}");
-            });
-        }
-    });
+    run_at_once(SESSIONS, || bench.ssh().by_key(&[], "anna", "good"));
 }
 
 #[test]

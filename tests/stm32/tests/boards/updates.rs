@@ -1,5 +1,7 @@
 //! The boot loader: what it starts, swaps and swaps back, with power cuts in between.
 
+use std::hash::{DefaultHasher, Hash, Hasher};
+
 use mobgate_stm32_emulator::{Board, Machine, Stop};
 
 use crate::firmware::START_MAX;
@@ -74,9 +76,23 @@ fn cut(machine: &mut Machine, operation: usize) {
     machine.keep_power();
 }
 
-/// Words within a page that are cut as well, of all pages: `MOBGATE_CUTS=8 cargo xtask test stm32` cuts eight.
-fn cuts_within() -> usize {
-    std::env::var("MOBGATE_CUTS").ok().and_then(|count| count.parse().ok()).unwrap_or(0)
+/// Words within pages that are cut as well, on the way there and back together.
+const WORDS_WITHIN: usize = 200;
+
+/// The operations of page `nth` of `pages` that are cut between the page's first word and its last, of `words`: its share of
+/// [`WORDS_WITHIN`], by `MOBGATE_SEED`. `MOBGATE_CUTS=all cargo xtask test stm32` cuts each word.
+fn within(words: usize, nth: usize, pages: usize) -> Vec<usize> {
+    let all = 2..words;
+    if std::env::var("MOBGATE_CUTS").is_ok_and(|cuts| cuts == "all") {
+        return all.collect();
+    }
+    let seed: u64 = std::env::var("MOBGATE_SEED").ok().and_then(|seed| seed.parse().ok()).unwrap_or(0);
+    let chosen = |number: usize| {
+        let mut hasher = DefaultHasher::new();
+        (seed, nth, number).hash(&mut hasher);
+        all.start + hasher.finish() as usize % all.len()
+    };
+    (0..WORDS_WITHIN.div_ceil(pages)).map(chosen).collect()
 }
 
 fn power_cuts_at_erasures_and_words_of_the_swap_and_of_the_way_back_leave_a_whole_image(board: Board) {
@@ -85,13 +101,13 @@ fn power_cuts_at_erasures_and_words_of_the_swap_and_of_the_way_back_leave_a_whol
     let new = renamed(&old, board);
     machine.stage(&new);
     let (pages, words) = machine.pages_to_swap();
-    for running in [&new, &old] {
+    for (way, running) in [&new, &old].into_iter().enumerate() {
         for page in 0..pages {
             // Its erasure, its first word, some of those in between, its last word.
             cut(&mut machine, 0);
             cut(&mut machine, 1);
-            (0..cuts_within())
-                .for_each(|nth| cut(&mut machine, 2 + (page * 31 + nth + 1) * 7919 % (words - 2)));
+            let within = within(words, way * pages + page, 2 * pages);
+            within.into_iter().for_each(|operation| cut(&mut machine, operation));
             cut(&mut machine, words);
             // The word of the state that says it is copied. With that of the last page the new image is on trial, and a power cut ends it.
             if page + 1 < pages || running == &old {

@@ -1,11 +1,10 @@
-//! The limits of the numbers and times in port lines.
+//! The limits of the numbers and times of ports.
 
 use core::ops::RangeInclusive;
 
 use embassy_time::Duration;
 
-use super::field::Count;
-use crate::settings::{SOCKETS_MAX, UDP_REQUESTS_MAX};
+use crate::settings::{Count, SOCKETS_MAX, UDP_REQUESTS_MAX};
 
 /// A time of at most this many seconds.
 const fn up_to(seconds: u64) -> RangeInclusive<Duration> {
@@ -14,7 +13,7 @@ const fn up_to(seconds: u64) -> RangeInclusive<Duration> {
 
 type Times = RangeInclusive<Duration>;
 
-pub(super) const BAUD: RangeInclusive<u32> = 1..=10_000_000;
+pub(crate) const BAUD: RangeInclusive<u32> = 1..=10_000_000;
 
 /// A longer gap would make any line useless; 0 is for lines that need none.
 pub(super) const SECOND: Times = up_to(1);

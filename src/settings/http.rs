@@ -1,0 +1,45 @@
+//! The settings of the web interface's port.
+
+use super::address::Allowed;
+use super::network::TcpListen;
+// Images without TLS have no word of it; also below.
+#[cfg(feature = "tls")]
+use super::tls::TlsSettings;
+
+/// The listener of the web interface.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct HttpSettings {
+    /// Where it listens.
+    pub(crate) listen: TcpListen,
+    /// Peers that may connect; others are disconnected at once.
+    pub(crate) allowed: Allowed,
+    /// Whether users may log in from other machines without encryption.
+    pub(crate) cleartext: bool,
+    /// Whether everybody who may connect reads the metrics, without a log-in and encryption.
+    pub(crate) metrics: bool,
+    /// HTTPS: the gateway shows its certificate. Clients must show theirs only if `trust` names who certifies them.
+    #[cfg(feature = "tls")]
+    pub(crate) tls: TlsSettings,
+}
+
+impl HttpSettings {
+    /// A listener on `listen` for everybody, without encryption.
+    pub(crate) const fn new(listen: TcpListen) -> Self {
+        Self {
+            listen,
+            allowed: Allowed::everybody(),
+            cleartext: false,
+            metrics: false,
+            #[cfg(feature = "tls")]
+            tls: TlsSettings::OFF,
+        }
+    }
+
+    /// Whether what it carries is encrypted.
+    pub(crate) const fn is_encrypted(&self) -> bool {
+        #[cfg(feature = "tls")]
+        return self.tls.on;
+        #[cfg(not(feature = "tls"))] // As above.
+        false
+    }
+}

@@ -8,12 +8,11 @@ use plotters::prelude::{
 use crate::paper::factors;
 
 const BAUD: u32 = 19_200;
-const FILE: &str = "docs/paper.svg";
+const FILE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/paper.svg");
 const REGISTERS: [u8; 11] = [1, 5, 10, 20, 30, 40, 50, 65, 80, 100, 125];
 
 /// Draws lines by the formula and dots where it was measured, into [`FILE`].
 pub(crate) fn draw() -> Result<(), Box<dyn std::error::Error>> {
-    std::fs::create_dir_all("docs")?;
     let measured: Vec<_> =
         REGISTERS.into_iter().map(|registers| (registers, factors(BAUD, registers))).collect();
     let area = SVGBackend::new(FILE, (800, 450)).into_drawing_area();

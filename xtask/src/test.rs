@@ -49,6 +49,9 @@ impl Suite {
 
 /// Runs these suites, after installing or listing what they need; of the STM32 boards only `boards`, or all if none are given.
 pub(crate) fn run_all(suites: &[Suite], boards: &[String], install: bool) -> Outcome {
+    if !boards.is_empty() && !suites.contains(&Suite::Stm32) {
+        return Err("--board chooses among the boards of the suite stm32, which is not asked for".into());
+    }
     let nucleos = board::nucleos()?;
     if let Some(unknown) = boards.iter().find(|board| !nucleos.contains(board)) {
         return Err(format!("no STM32 board {unknown}; there are {}", nucleos.join(", ")));

@@ -67,20 +67,20 @@ impl<'s, 'g> Running<'s, 'g> {
         self.session.out.clear();
         while self.session.out.text.is_empty() {
             let wait = self.wait;
-            let came = match wait {
+            let event = match wait {
                 Wait::Sent => WaitEvent::Nothing,
-                Wait::Pause(_) | Wait::Rest(_) | Wait::Answer { .. } | Wait::Open { .. } => {
+                Wait::Pause(_) | Wait::Rest(_) | Wait::Response { .. } | Wait::Open { .. } => {
                     let stopped =
                         async { if wait.listens() { stop().await } else { core::future::pending().await } };
                     match select(self.session.wait(wait), stopped).await {
-                        Either::First(came) => came,
+                        Either::First(event) => event,
                         Either::Second(()) => WaitEvent::Typed(1),
                     }
                 }
                 // Nobody types, and nothing else waits among the commands that are run this way.
                 _ => return false,
             };
-            self.wait = self.job.step(&mut self.session, came);
+            self.wait = self.job.step(&mut self.session, event);
         }
         true
     }

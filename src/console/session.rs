@@ -150,15 +150,15 @@ impl Session<'_, '_> {
         self.pdu.clear();
         // Requests fit a PDU.
         let _ = self.pdu.extend_from_slice(request);
-        Wait::Answer { typed_ends }
+        Wait::Response { typed_ends }
     }
 
     /// Waits for the time, or for the units of the turn.
     pub(super) async fn wait(&mut self, wait: Wait) -> WaitEvent {
         match (wait, &self.turn) {
             (Wait::Pause(time) | Wait::Rest(time), _) => Timer::after(time).await,
-            (Wait::Answer { .. }, Some(turn)) => {
-                return WaitEvent::Answer(turn.ask(self.unit, &mut self.pdu).await);
+            (Wait::Response { .. }, Some(turn)) => {
+                return WaitEvent::Response(turn.ask(self.unit, &mut self.pdu).await);
             }
             (Wait::Open { line, timeout, alone }, Some(turn)) => {
                 return WaitEvent::Opened(turn.try_on(line, timeout, alone).await);

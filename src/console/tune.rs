@@ -140,9 +140,9 @@ impl Tune {
         })
     }
 
-    /// Runs the next step after the event `came`.
-    pub(super) fn step(&mut self, session: &mut Session<'_, '_>, came: WaitEvent) -> Wait {
-        match (self.stage, came) {
+    /// Runs the next step after `event`.
+    pub(super) fn step(&mut self, session: &mut Session<'_, '_>, event: WaitEvent) -> Wait {
+        match (self.stage, event) {
             (_, WaitEvent::Typed(_)) => {
                 session.out.line(format_args!("stopped: too little is known to propose anything"));
                 Wait::End
@@ -156,7 +156,7 @@ impl Tune {
                 }
                 self.ask(session)
             }
-            (_, WaitEvent::Answer(asked)) => {
+            (_, WaitEvent::Response(asked)) => {
                 self.note(session, asked.is_ok());
                 if self.series.is_over() { self.judge(session) } else { self.ask(session) }
             }

@@ -2,10 +2,11 @@
 //!
 //! In [`Mode::Echo`] bytes go through the line editor, which echoes them; in [`Mode::Plain`] they are lines of text,
 //! answered without prompt or echo, with line numbers in errors; [`Mode::Network`] also rejects other protocols by the first line,
-//! and asks who it is; with [`Mode::User`] somebody else has asked.
+//! and requires log-in; with [`Mode::User`] the user is already authenticated.
 //! A line is run as a command; one of the settings' language changes the gateway's draft of the settings, which is then applied.
 //!
-//! Only this file awaits, and what it calls of `log_in` and `update`. Commands are plain steps: each writes a piece of text and returns what must happen before the next one.
+//! Only this file, `log_in` and `update` await. Commands are plain steps: each writes a piece of text and returns what must happen
+//! before the next one.
 
 // Only the web interface uses it.
 #[cfg(feature = "web")]

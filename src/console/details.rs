@@ -1,4 +1,4 @@
-//! Tables for the web interface alone: what its pictures are made of.
+//! Tables that only the web interface uses, for its charts.
 
 use core::fmt;
 
@@ -37,7 +37,7 @@ pub(super) fn unit(source: &Source<'_, '_>, nth: usize, out: &mut dyn fmt::Write
     })())
 }
 
-/// The controller, the state of the device, and who sets its line.
+/// The controller, the state of the device, and the source of its line settings.
 pub(super) fn ethercat(source: &Source<'_, '_>, nth: usize, out: &mut dyn fmt::Write) -> Written {
     let Source { gateway, settings, .. } = *source;
     let controller = gateway.ethercat_controller(settings).filter(|_| nth == 0)?;

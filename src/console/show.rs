@@ -53,7 +53,7 @@ pub(crate) enum Show {
     // Images without TLS have no certificates.
     #[cfg(feature = "tls")]
     Certificates,
-    // Images without a candidate have no word of it.
+    // Left out of images without a candidate.
     #[cfg(feature = "candidate")]
     Candidate,
     Network,

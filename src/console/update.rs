@@ -57,7 +57,7 @@ where
         let received = piped::receive(stream, update, allow_older, ahead).await?;
         return Ok(received.map_err(|why| why.map_or(Failed::Stopped(Stopped::Silent), Failed::Refused)));
     }
-    // Nobody need send what is not taken anyway; and from here on nobody else begins.
+    // Refuse before the file is sent; from here on no other update can start.
     let begun = update.begin(None, allow_older).await;
     if !U::EXISTS || begun.is_err() {
         return Ok(Err(Failed::Refused(begun.err().unwrap_or(UpdateError::Failed))));

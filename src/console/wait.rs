@@ -35,7 +35,7 @@ pub(super) enum Wait {
     },
     Load,
     /// The candidate to be put in force, for good or until it is not confirmed in time; or such a commit to be taken back.
-    // Images without a candidate have no word of it.
+    // Left out of images without a candidate.
     #[cfg(feature = "candidate")]
     Commit {
         confirmed: Option<Duration>,

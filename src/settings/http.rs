@@ -2,7 +2,7 @@
 
 use super::address::Allowed;
 use super::network::TcpListen;
-// Images without TLS have no word of it; also below.
+// Left out of images without TLS; also below.
 #[cfg(feature = "tls")]
 use super::tls::TlsSettings;
 

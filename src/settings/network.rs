@@ -77,7 +77,7 @@ pub struct TcpServerSettings {
     /// Peers that may connect; others are disconnected at once. Empty: everybody (Messaging on TCP/IP 4.2.3, restricted mode).
     pub allowed: Allowed,
     /// Modbus/TCP Security: clients must show certificates.
-    // Images without TLS have no word of it.
+    // Left out of images without TLS.
     #[cfg(feature = "tls")]
     pub tls: TlsSettings,
 }
@@ -194,7 +194,7 @@ pub struct TcpClientSettings {
     /// How units are proved to be in step; with RTU over TCP.
     pub proofs: Proofs,
     /// Modbus/TCP Security: servers must show certificates.
-    // Images without TLS have no word of it.
+    // Left out of images without TLS.
     #[cfg(feature = "tls")]
     pub tls: TlsSettings,
 }

@@ -155,7 +155,7 @@ pub(crate) enum Problem {
     #[error("there is no user of this name")]
     NoSuchUser,
     /// No public key.
-    // Without the feature nobody has one; also below.
+    // Only with the feature; also below.
     #[cfg_attr(not(feature = "ssh"), allow(dead_code))]
     #[error("expected the key itself, which begins with AAAAC3NzaC1lZDI1NTE5AAAAI: see a file .pub")]
     NoKey,

@@ -50,7 +50,7 @@ pub(crate) const UDP_REQUESTS_MAX: usize = 32;
 /// Default number of clients of a TCP server: the board's number of connections.
 pub(super) const CLIENTS_DEFAULT: u16 = if cfg!(feature = "eight-clients") { 8 } else { 16 };
 
-/// Default number of clients of an SSH server: a host's sessions, and as many who log in. Boards have fewer connections.
+/// Default number of clients of an SSH server: a host's sessions, and as many log-ins. Boards have fewer connections.
 const SSH_CLIENTS: u16 = if cfg!(feature = "paths") { 16 } else { 4 };
 
 /// A listener for Modbus TCP clients.

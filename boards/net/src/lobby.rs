@@ -87,7 +87,7 @@ impl<C> Seat<C> {
         }
     }
 
-    /// Somebody has logged in.
+    /// A user has logged in.
     pub(crate) fn logged_in(&self) {
         self.event.signal(Event::LoggedIn);
     }

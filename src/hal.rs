@@ -268,8 +268,7 @@ pub trait System {
         None
     }
 
-    /// Writes the subject, issuer, expiry and faults of `certificate`, separated by tabs.
-    /// `None` on boards without TLS.
+    /// Writes the expiry date, subject, issuer and state of `certificate`, separated by tabs. `None` on boards without TLS.
     fn write_certificate(
         &self,
         _certificate: &Certificate,

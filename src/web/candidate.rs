@@ -21,7 +21,7 @@ impl From<Uncommitted> for Unchanged {
 }
 
 /// Applies `lines` to the candidate, or to an empty one if `replaces`; begins one if necessary.
-/// Returns warnings. A user who keeps the name keeps the password, because its hash is never shown.
+/// Calls `warn` for likely mistakes. A user who keeps the name keeps the password, because its hash is never shown.
 pub(super) async fn change(
     gateway: &Gateway<'_>,
     lines: Lines<'_>,

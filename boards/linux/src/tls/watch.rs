@@ -64,7 +64,7 @@ fn validity(facts: &Facts, now: SystemTime) -> String {
     }
 }
 
-/// Writes the expiry, subject, issuer and faults of `certificate`, separated by tabs.
+/// Writes the expiry date, subject, issuer and state of `certificate`, separated by tabs.
 pub fn write(certificate: &Certificate, out: &mut dyn fmt::Write) -> fmt::Result {
     match look(certificate, calendar::now()) {
         Ok((Facts { subject, issuer, not_after, .. }, state)) => {

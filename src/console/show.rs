@@ -225,7 +225,7 @@ const fn columns(what: Show) -> Columns {
         #[cfg(feature = "tls")] // As above.
         Show::Certificates => certificates::COLUMNS,
         Show::Clients => &[15, 21, -9, -9, -4, -10],
-        Show::Stats => &[15, 13, -10, -10],
+        Show::Stats => &[15, 14, -10, -10],
         Show::Log => &[-9, 15, -4, 15, -6, -8, -10],
         Show::Network => &[4, 18, 15, 17],
         Show::Registers => &[5, 7],

@@ -14,9 +14,9 @@ pub(super) const MODULES: &str = "NO\tUNIT\tINPUTS\tOUTPUTS";
 
 /// The counts of a unit's response times by class, and of its errors in the last hour: `silent 0 0 3 ..., bad-crc ...`.
 pub(super) fn unit(source: &Source<'_, '_>, nth: usize, out: &mut dyn fmt::Write) -> Written {
-    let Some((port, place)) = source.port(nth / UNITS_MAX)? else { return NO_ROW };
+    let Some((port, state)) = source.port(nth / UNITS_MAX)? else { return NO_ROW };
     let id = PortId((nth / UNITS_MAX) as u8);
-    let Some(unit) = place.units(|units| units.iter().nth(nth % UNITS_MAX).copied()) else { return NO_ROW };
+    let Some(unit) = state.units(|units| units.iter().nth(nth % UNITS_MAX).copied()) else { return NO_ROW };
     Some((|| {
         write!(out, "{}\t{}\t", port.name, unit.id)?;
         for (class, count) in unit.times.classes().iter().enumerate() {

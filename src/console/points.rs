@@ -23,7 +23,7 @@ use crate::settings::{POINTS_MAX, PointAt, PointSettings, Settings};
 /// Time limit of a command.
 const PATIENCE: Duration = Duration::from_secs(5);
 /// Polling interval of a command.
-const LOOK: Duration = Duration::from_millis(10);
+const POLL: Duration = Duration::from_millis(10);
 /// Polling interval of `watch`.
 const WATCH: Duration = Duration::from_millis(100);
 const POINTS: &str = "POINT\tWHERE\tTABLE\tWIRE\tMODICON\tSTATUS; VALUES";
@@ -98,7 +98,7 @@ impl PointJob {
             Self::One { row, until, line } => {
                 if let Some(give_up) = *until {
                     match settled(state, *row, give_up) {
-                        None => return Wait::Rest(LOOK),
+                        None => return Wait::Rest(POLL),
                         Some(true) => {}
                         Some(false) => {
                             session.out.line(format_args!("it is not done yet: see show points"));

@@ -166,11 +166,11 @@ impl Tune {
 
     /// Starts the next unit, or ends.
     fn next_unit(&mut self, session: &mut Session<'_, '_>) -> Wait {
-        let place = session.gateway.port_state(self.port);
+        let state = session.gateway.port_state(self.port);
         let is_known = |id| {
             let answered =
                 |units: &mut Units| units.iter().any(|known| known.id == id && known.responses > 0);
-            self.units.is_some() || place.is_some_and(|place| place.units(answered))
+            self.units.is_some() || state.is_some_and(|state| state.units(answered))
         };
         let UnitRange { first, last } = self.units.unwrap_or(UnitRange { first: 1, last: 255 });
         let next = (first..=last).find(|id| *id > self.unit && is_known(*id));

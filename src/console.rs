@@ -2,10 +2,11 @@
 //!
 //! In [`Mode::Echo`] bytes go through the line editor, which echoes them; in [`Mode::Plain`] they are lines of text,
 //! answered without prompt or echo, with line numbers in errors; [`Mode::Network`] also rejects other protocols by the first line,
-//! and asks who it is; with [`Mode::User`] somebody else has asked.
+//! and requires log-in; with [`Mode::User`] the user is already authenticated.
 //! A line is run as a command; one of the settings' language changes the gateway's draft of the settings, which is then applied.
 //!
-//! Only this file awaits, and what it calls of `log_in` and `update`. Commands are plain steps: each writes a piece of text and returns what must happen before the next one.
+//! Only this file, `log_in` and `update` await. Commands are plain steps: each writes a piece of text and returns what must happen
+//! before the next one.
 
 // Only the web interface uses it.
 #[cfg(feature = "web")]
@@ -33,7 +34,7 @@ pub(crate) mod diff;
 #[cfg(feature = "web")]
 mod details;
 mod editor;
-// It came with the web interface, and boards without that have no room for it.
+// Part of the web interface; boards without that have no room for it.
 #[cfg(feature = "web")]
 mod explain;
 mod frames;
@@ -118,7 +119,7 @@ pub async fn run<IO: Read + Write, S: Store, U: Update, Y: System>(
             continue;
         }
         let is_idle = matches!(wait, Wait::Key);
-        let came = if matches!(wait, Wait::Sent) {
+        let event = if matches!(wait, Wait::Sent) {
             WaitEvent::Nothing
         } else if is_idle && let Some(key) = keys.next().and_then(|at| chunk.get(at)) {
             WaitEvent::Key(*key)
@@ -131,25 +132,25 @@ pub async fn run<IO: Read + Write, S: Store, U: Update, Y: System>(
             loop {
                 let read = async { if listens { stream.read(into).await } else { pending().await } };
                 match select(read, work.as_mut()).await {
-                    Either::Second(came) => break came,
+                    Either::Second(event) => break event,
                     // The input has ended, but the output may still be read.
-                    Either::First(Ok(0)) if matches!(wait, Wait::Answer { .. }) => listens = false,
+                    Either::First(Ok(0)) if matches!(wait, Wait::Response { .. }) => listens = false,
                     Either::First(read) => break WaitEvent::Typed(read?),
                 }
             }
         };
-        match (wait, came) {
+        match (wait, event) {
             (Wait::Exit, _) => return Ok(shell.session.ended),
             (Wait::Key, WaitEvent::Typed(count @ 1..)) => {
                 let end = if skips { line_end(&chunk, count) } else { Some(0) };
                 skips = end.is_none();
                 keys = end.unwrap_or(count)..count;
             }
-            (_, came) => {
-                if let WaitEvent::Typed(count @ 1..) = came {
+            (_, event) => {
+                if let WaitEvent::Typed(count @ 1..) = event {
                     skips = !mode.edits() && line_end(&stop, count).is_none();
                 }
-                wait = shell.step(came);
+                wait = shell.step(event);
             }
         }
     }
@@ -172,7 +173,7 @@ async fn work<S: Store, Y: System>(
         // `Update` needs the stream.
         Wait::Sent | Wait::Exit | Wait::End | Wait::Update { .. } => {}
         Wait::Key => pending().await,
-        Wait::Pause(_) | Wait::Rest(_) | Wait::Answer { .. } | Wait::Open { .. } => {
+        Wait::Pause(_) | Wait::Rest(_) | Wait::Response { .. } | Wait::Open { .. } => {
             return session.wait(wait).await;
         }
         Wait::Change => {

@@ -193,7 +193,7 @@ pub trait Store {
     /// Sets whether the next version replaces the stored text even if others have changed it.
     fn overwrite(&mut self, _whatever: bool) {}
 
-    /// Says who makes the next version.
+    /// Sets the author of the next version.
     fn sign(&mut self, _who: &dyn fmt::Display) {}
 
     /// Writes what is known of the `nth` of the versions that were saved, from 0, the last one: when, how many lines it added and took
@@ -268,8 +268,7 @@ pub trait System {
         None
     }
 
-    /// Writes what `certificate` is: whose it is, its issuer, until when it is valid, and what is wrong with it, with tabs between.
-    /// `None` on boards without TLS.
+    /// Writes the expiry date, subject, issuer and state of `certificate`, separated by tabs. `None` on boards without TLS.
     fn write_certificate(
         &self,
         _certificate: &Certificate,
@@ -278,7 +277,7 @@ pub trait System {
         None
     }
 
-    /// How the firmware that runs came to run; `None` without updates.
+    /// How the running firmware was started; `None` without updates.
     fn firmware(&self) -> Option<FirmwareState> {
         None
     }
@@ -288,7 +287,7 @@ pub trait System {
         Err(OpenError::new(OpenErrorKind::Unsupported, "no files here: port NAME tcp server 5029 capture"))
     }
 
-    /// Whether `password` is the one of `hash`. Takes as long without a hash, so that nobody learns by the time which users there are.
+    /// Whether `password` matches `hash`. Takes as long without a hash, so that timing does not reveal which users exist.
     async fn is_password(&self, _hash: Option<&str>, _password: &str) -> bool
     where
         Self: Sized,
@@ -304,7 +303,7 @@ pub trait System {
         None
     }
 
-    /// Fills `into` with random numbers that nobody can guess; returns whether the board can.
+    /// Fills `into` with unpredictable random numbers; returns whether the board can.
     fn random(&self, _into: &mut [u8]) -> bool
     where
         Self: Sized,

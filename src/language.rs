@@ -18,7 +18,7 @@ mod line;
 pub(crate) mod listed;
 mod loader;
 mod mdns;
-// Images without an audit trail ask nobody for the time.
+// Only images with an audit trail need the time.
 #[cfg(feature = "audit")]
 mod ntp;
 mod option;

@@ -75,7 +75,7 @@ pub enum Event {
     /// Not sent: expired while waiting.
     Expired,
     /// Not sent, or the response dropped: the requester is gone.
-    #[strum(serialize = "asker-gone")]
+    #[strum(serialize = "requester-gone")]
     RequesterGone,
     /// Refused: the queue is full.
     QueueFull,

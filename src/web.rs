@@ -4,7 +4,7 @@
 //! which do what the console's commands do, by the same tables, candidate and direct requests. What they return is an
 //! `answer`, sent row by row. The framing is picoserve's, over the board's streams.
 
-// A refusal is a whole answer, as large as any other, because there is no heap.
+// A refusal is a whole HTTP response, as large as any other, because there is no heap.
 #![allow(clippy::result_large_err)]
 
 mod answer;
@@ -59,7 +59,7 @@ const TIMEOUTS: Timeouts = Timeouts {
     read_request: time::Duration::from_secs(5),
     write: time::Duration::from_secs(5),
 };
-/// One request per connection, so that nobody blocks others.
+/// One request per connection, so that no client blocks others.
 const CONFIG: Config = Config::new(TIMEOUTS).close_connection_after_response();
 
 /// No user can log in yet.

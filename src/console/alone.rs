@@ -1,4 +1,4 @@
-//! A command without a terminal: what it writes, piece by piece, until it ends or is stopped.
+//! Runs a command without a terminal: returns its output piece by piece until it ends or is stopped.
 
 use core::net::IpAddr;
 
@@ -13,16 +13,16 @@ use crate::hal::System;
 use crate::language::{LineError, Words, Wrong};
 use crate::settings::{Name, PortId, Role};
 
-/// Why a command did not begin.
+/// Why a command did not start.
 #[derive(Debug)]
 pub(crate) enum NotBegun {
-    /// A word is wrong.
+    /// A word is invalid.
     Line(LineError),
-    /// It is not possible now; [`Running::text`] has why.
+    /// It cannot run now; [`Running::text`] has the reason.
     Failed,
 }
 
-/// A command that runs for a user of a network.
+/// A command that runs for a network user.
 pub(crate) struct Running<'s, 'g> {
     session: Session<'s, 'g>,
     job: Job<'g>,
@@ -30,7 +30,7 @@ pub(crate) struct Running<'s, 'g> {
 }
 
 impl<'s, 'g> Running<'s, 'g> {
-    /// A user, who has come by `port`, without a command yet.
+    /// A user connected through `port`, without a command yet.
     pub(crate) fn new(
         gateway: &'s Gateway<'g>,
         system: &'s dyn System,
@@ -44,7 +44,7 @@ impl<'s, 'g> Running<'s, 'g> {
         Self { session, job: Job::Idle, wait: Wait::End }
     }
 
-    /// Begins the command of a line.
+    /// Starts the command in a line.
     pub(crate) fn begin(&mut self, line: &str) -> Result<(), NotBegun> {
         let words = Words::new(line);
         let begun = self.session.begin(&words, &mut self.job);
@@ -52,7 +52,7 @@ impl<'s, 'g> Running<'s, 'g> {
         if self.session.failed { Err(NotBegun::Failed) } else { Ok(()) }
     }
 
-    /// What it has written since [`next`](Self::next) was called.
+    /// The output of the last call of [`next`](Self::next).
     pub(crate) fn text(&self) -> &str {
         &self.session.out.text
     }
@@ -62,25 +62,25 @@ impl<'s, 'g> Running<'s, 'g> {
         self.session.failed
     }
 
-    /// Goes on until it has written something; `false`: it has ended. `stop` stops it, as a key does at a terminal.
+    /// Runs until there is output; returns `false` at the end. `stop` stops it like a key at a terminal.
     pub(crate) async fn next(&mut self, stop: impl AsyncFn()) -> bool {
         self.session.out.clear();
         while self.session.out.text.is_empty() {
             let wait = self.wait;
-            let came = match wait {
+            let event = match wait {
                 Wait::Sent => WaitEvent::Nothing,
-                Wait::Pause(_) | Wait::Rest(_) | Wait::Answer { .. } | Wait::Open { .. } => {
+                Wait::Pause(_) | Wait::Rest(_) | Wait::Response { .. } | Wait::Open { .. } => {
                     let stopped =
                         async { if wait.listens() { stop().await } else { core::future::pending().await } };
                     match select(self.session.wait(wait), stopped).await {
-                        Either::First(came) => came,
+                        Either::First(event) => event,
                         Either::Second(()) => WaitEvent::Typed(1),
                     }
                 }
-                // Nobody types, and nothing else waits among the commands that are run this way.
+                // There is no input, and the commands that run here wait for nothing else.
                 _ => return false,
             };
-            self.wait = self.job.step(&mut self.session, came);
+            self.wait = self.job.step(&mut self.session, event);
         }
         true
     }

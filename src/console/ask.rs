@@ -50,17 +50,17 @@ impl Session<'_, '_> {
             return Ok((None, self.fail(&error)));
         }
         self.unit = question.unit;
-        Ok((Some(question), Wait::Answer { typed_ends: false }))
+        Ok((Some(question), Wait::Response { typed_ends: false }))
     }
 }
 
 impl Question {
     /// Shows the outcome, then the remaining values.
-    pub(super) fn step(&mut self, session: &mut Session<'_, '_>, came: WaitEvent) -> Wait {
+    pub(super) fn step(&mut self, session: &mut Session<'_, '_>, event: WaitEvent) -> Wait {
         let unit = self.unit;
-        match came {
-            WaitEvent::Answer(Err(error)) => return session.fail(&error),
-            WaitEvent::Answer(Ok(took)) => {
+        match event {
+            WaitEvent::Response(Err(error)) => return session.fail(&error),
+            WaitEvent::Response(Ok(took)) => {
                 let took = Time(Duration::from_micros(took.as_micros()));
                 match *session.pdu {
                     [function, code] if function & EXCEPTION_BIT != 0 => {

@@ -1,31 +1,31 @@
-//! What the next line is, if not a command.
+//! How the next line is interpreted: a command, a name or a password.
 
 use heapless::String;
 
 use super::mode::Mode;
 use crate::settings::{Name, USERS};
 
-/// Most bytes of a password.
+/// Maximum bytes of a password.
 pub(super) const PASSWORD_BYTES_MAX: usize = 64;
 
 /// A password's text.
 pub(super) type Password = String<PASSWORD_BYTES_MAX>;
 
-/// What the next line is.
+/// How the next line is interpreted.
 #[derive(Debug, Default)]
 pub(super) enum Asks {
     #[default]
     Command,
-    /// The name of who logs in, then the password.
+    /// User name, then password.
     User,
     Password(Name),
-    /// The new password of a user, then the same once more.
+    /// The new password of a user, then its repetition.
     New(Name),
     Again(Name, Password),
 }
 
 impl Asks {
-    /// What a session begins with.
+    /// The first state of a session.
     pub(super) fn first(mode: Mode<'_>) -> Self {
         if matches!(mode, Mode::Network(..)) { Self::User } else { Self::Command }
     }
@@ -44,7 +44,7 @@ impl Asks {
         })
     }
 
-    /// Whether nobody has logged in yet.
+    /// Whether log-in is still pending.
     pub(super) fn is_log_in(&self) -> bool {
         matches!(self, Self::User | Self::Password(_))
     }

@@ -12,7 +12,7 @@ use crate::hal::System;
 const AUDIT: &str = "TIME\tWHO\tWHAT";
 pub(super) const COLUMNS: Columns = &[20, 21];
 
-/// The row at `place`: lines from the oldest on. Where there is no calendar, a time is how long the gateway had been running.
+/// The row at `place`, oldest line first. Without a calendar, times count from the start of the gateway.
 pub(super) fn row(
     source: &Source<'_, '_>,
     system: &dyn System,

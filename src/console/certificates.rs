@@ -1,4 +1,4 @@
-//! `show certificates`: whose they are, and until when they are valid.
+//! `show certificates`: subjects and expiry dates.
 
 use core::fmt;
 
@@ -11,7 +11,7 @@ const HEAD: &str = "NAME\tFOR\tVALID-UNTIL\tSUBJECT\tISSUER\tSTATE";
 /// The widths of the columns.
 pub(super) const COLUMNS: Columns = &[15, 7, 11, 24, 24];
 
-/// The row at `place`, which the board knows the most of.
+/// The row at `place`; the board supplies the certificate's details.
 pub(super) fn row(
     source: &Source<'_, '_>,
     system: &dyn System,

@@ -1,4 +1,4 @@
-//! Tables for the web interface alone: what its pictures are made of.
+//! Tables that only the web interface uses, for its charts.
 
 use core::fmt;
 
@@ -14,9 +14,9 @@ pub(super) const MODULES: &str = "NO\tUNIT\tINPUTS\tOUTPUTS";
 
 /// The counts of a unit's response times by class, and of its errors in the last hour: `silent 0 0 3 ..., bad-crc ...`.
 pub(super) fn unit(source: &Source<'_, '_>, nth: usize, out: &mut dyn fmt::Write) -> Written {
-    let Some((port, place)) = source.port(nth / UNITS_MAX)? else { return NO_ROW };
+    let Some((port, state)) = source.port(nth / UNITS_MAX)? else { return NO_ROW };
     let id = PortId((nth / UNITS_MAX) as u8);
-    let Some(unit) = place.units(|units| units.iter().nth(nth % UNITS_MAX).copied()) else { return NO_ROW };
+    let Some(unit) = state.units(|units| units.iter().nth(nth % UNITS_MAX).copied()) else { return NO_ROW };
     Some((|| {
         write!(out, "{}\t{}\t", port.name, unit.id)?;
         for (class, count) in unit.times.classes().iter().enumerate() {
@@ -37,7 +37,7 @@ pub(super) fn unit(source: &Source<'_, '_>, nth: usize, out: &mut dyn fmt::Write
     })())
 }
 
-/// The controller, the state of the device, and who sets its line.
+/// The controller, the state of the device, and the source of its line settings.
 pub(super) fn ethercat(source: &Source<'_, '_>, nth: usize, out: &mut dyn fmt::Write) -> Written {
     let Source { gateway, settings, .. } = *source;
     let controller = gateway.ethercat_controller(settings).filter(|_| nth == 0)?;

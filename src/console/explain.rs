@@ -115,7 +115,7 @@ impl Explained {
     }
 }
 
-/// A request with so many zeros as values, if the function has any.
+/// A request with `count` zeros as values, if the function writes any.
 fn request(function: u8, address: u16, count: u16) -> Pdu {
     let ([high, low], [count_high, count_low]) = (address.to_be_bytes(), count.to_be_bytes());
     let cells = usize::from(count);

@@ -40,9 +40,9 @@ impl<'g> Frames<'g> {
     }
 
     /// Shows the next piece of the frame, or starts the next frame.
-    pub(super) fn step(&mut self, session: &mut Session<'_, '_>, came: WaitEvent) -> Wait {
+    pub(super) fn step(&mut self, session: &mut Session<'_, '_>, event: WaitEvent) -> Wait {
         let Some(capture) = session.gateway.capture() else { return session.fail(&ApplyError::NoCapture) };
-        if matches!(came, WaitEvent::Typed(_)) {
+        if matches!(event, WaitEvent::Typed(_)) {
             return Wait::End;
         }
         if let Some(frame) = &mut self.frame {

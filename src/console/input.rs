@@ -28,7 +28,7 @@ pub(super) enum Typed {
     Line,
     /// The line is invalid.
     Wrong(LineError),
-    /// The terminal has so many columns.
+    /// The terminal reports its number of columns.
     Columns(usize),
     /// Complete the word at the cursor.
     Complete,
@@ -62,7 +62,7 @@ impl Input {
             }
             Self::Text(line, _, guard) => {
                 line.clear();
-                // A text or a program at the gateway needs no prompt.
+                // Piped text and local programs need no prompt.
                 if let (Some(prompt), Some(_)) = (asks.prompt(), guard) {
                     out.put(format_args!("{prompt}"));
                 }
@@ -120,7 +120,7 @@ impl Input {
     pub(super) fn line(&self) -> &str {
         match self {
             Self::Keys(editor) => editor.line(),
-            // Both bytes of a line end are none of the line.
+            // Neither byte of a line end belongs to the line.
             Self::Text(line, ..) => line.text().unwrap_or_default().trim_end_matches('\r'),
         }
     }

@@ -37,8 +37,8 @@ pub(super) enum Job<'g> {
 }
 
 impl Job<'_> {
-    /// Runs the next step after the event `came`.
-    pub(super) fn step(&mut self, session: &mut Session<'_, '_>, came: WaitEvent) -> Wait {
+    /// Runs the next step after `event`.
+    pub(super) fn step(&mut self, session: &mut Session<'_, '_>, event: WaitEvent) -> Wait {
         match self {
             Self::Idle => Wait::End,
             Self::Help(help) => match help.next() {
@@ -49,16 +49,16 @@ impl Job<'_> {
                 None => Wait::End,
             },
             Self::Show(table) => table.step(session),
-            Self::Frames(frames) => frames.step(session, came),
-            Self::Ask(question) => question.step(session, came),
-            Self::Scan(scan) => scan.step(session, came),
-            Self::Tune(tune) => tune.step(session, came),
-            Self::Point(point) => point.step(session, came),
+            Self::Frames(frames) => frames.step(session, event),
+            Self::Ask(question) => question.step(session, event),
+            Self::Scan(scan) => scan.step(session, event),
+            Self::Tune(tune) => tune.step(session, event),
+            Self::Point(point) => point.step(session, event),
             // As above.
             #[cfg(feature = "candidate")]
             Self::Diff(diff) => diff.step(session),
             #[cfg(feature = "candidate")]
-            Self::Versions { .. } if matches!(came, WaitEvent::NoVersion) => Wait::End,
+            Self::Versions { .. } if matches!(event, WaitEvent::NoVersion) => Wait::End,
             #[cfg(feature = "candidate")]
             Self::Versions { next } => {
                 let nth = *next;

@@ -1,4 +1,4 @@
-//! Lines that are no commands: the name and password of a user who logs in, and a new password.
+//! Lines other than commands: name and password at log-in, and a new password.
 
 use core::fmt;
 use core::mem::take;
@@ -16,12 +16,12 @@ use crate::hal::System;
 use crate::language::{Words, Wrong, user_name};
 use crate::settings::{Name, Role, Settings, Time, USERS};
 
-/// Least bytes of a password.
+/// Minimum bytes of a password.
 const PASSWORD_BYTES_MIN: usize = 8;
-/// Wrong passwords that end a session.
+/// Number of wrong passwords after which a session ends.
 const FAILURES_MAX: u8 = 3;
 
-/// Why nobody gets in, or a password is none.
+/// Why a log-in or a new password is refused.
 pub(crate) enum Denied {
     NoUsers,
     Wrong,
@@ -30,7 +30,7 @@ pub(crate) enum Denied {
     Length,
     Differ,
     NoHash,
-    /// A command of another role.
+    /// The command needs another role.
     Role {
         needed: Role,
         own: Role,
@@ -61,7 +61,7 @@ impl fmt::Display for Denied {
 }
 
 impl Session<'_, '_> {
-    /// Ends a session by network that nobody could log in to.
+    /// Ends a network session if no user has a password yet.
     pub(super) fn check_users(&mut self) {
         if !USERS {
             return;
@@ -73,12 +73,12 @@ impl Session<'_, '_> {
         }
     }
 
-    /// Takes the line that was asked for.
+    /// Handles the requested line.
     pub(super) fn answered(&mut self, line: &str, edits: bool) -> Wait {
         match take(&mut self.asks) {
             Asks::Command => Wait::End,
             Asks::User => {
-                // A longer name is nobody's either.
+                // No user has a longer name.
                 self.asks = Asks::Password(Name::try_from(line.trim()).unwrap_or_default());
                 Wait::End
             }
@@ -106,7 +106,7 @@ impl Session<'_, '_> {
         }
     }
 
-    /// Takes over what the settings say of the user by now; a deleted one leaves.
+    /// Reads the user's role from the current settings; the session of a deleted user ends.
     pub(super) fn check_role(&mut self) -> bool {
         if !USERS || self.user.is_empty() {
             return true;

@@ -24,13 +24,13 @@ pub enum Mode<'u> {
     /// Lines over a network, from this address and by this port, if it is one of the settings: a [`Foreign`] protocol ends the
     /// session, and a user must log in.
     Network(IpAddr, Option<PortId>),
-    /// A user who has logged in before, by SSH.
+    /// A user whom SSH has already authenticated.
     User {
         /// The user's name.
         name: &'u str,
         /// Where the user is.
         peer: IpAddr,
-        /// The port of the settings by which the user has come.
+        /// The configured port through which the user is connected.
         port: PortId,
         /// Whether a terminal, as with [`Echo`](Self::Echo); else lines, as with [`Plain`](Self::Plain).
         edits: bool,
@@ -38,7 +38,7 @@ pub enum Mode<'u> {
 }
 
 impl<'u> Mode<'u> {
-    /// Who has logged in before.
+    /// The user who is already authenticated.
     pub(super) fn user(self) -> &'u str {
         match self {
             Self::User { name, .. } => name,
@@ -54,7 +54,7 @@ impl<'u> Mode<'u> {
         }
     }
 
-    /// The port of the settings by which he has come.
+    /// The configured port through which the user is connected.
     pub(super) fn port(self) -> Option<PortId> {
         match self {
             Self::Network(_, port) => port,
@@ -82,7 +82,7 @@ pub enum Ended {
         /// Whether a line failed.
         refused: bool,
     },
-    /// By Ctrl-C: the program is to end.
+    /// By Ctrl-C, which also ends the program.
     Stopped,
     /// The peer used another protocol.
     Foreign(Foreign),

@@ -23,7 +23,7 @@ use crate::settings::{POINTS_MAX, PointAt, PointSettings, Settings};
 /// Time limit of a command.
 const PATIENCE: Duration = Duration::from_secs(5);
 /// Polling interval of a command.
-const LOOK: Duration = Duration::from_millis(10);
+const POLL: Duration = Duration::from_millis(10);
 /// Polling interval of `watch`.
 const WATCH: Duration = Duration::from_millis(100);
 const POINTS: &str = "POINT\tWHERE\tTABLE\tWIRE\tMODICON\tSTATUS; VALUES";
@@ -67,13 +67,13 @@ pub(super) enum PointJob {
 impl Session<'_, '_> {
     /// Runs `command` with its words.
     pub(super) fn point(&mut self, command: PointCommand, words: &Words<'_>) -> Begun<PointJob> {
-        let Some(place) = self.gateway.scanner() else {
+        let Some(state) = self.gateway.scanner() else {
             return Ok((None, self.fail(&ApplyError::NoPoints)));
         };
         let mut cells = Cells::new();
         let ask = self.gateway.settings(|settings| parse(settings, command, words, &mut cells))?;
         let now = Instant::now();
-        if let Err(refused) = place.change(|scanner| order(scanner, command, &ask, &cells, now)) {
+        if let Err(refused) = state.change(|scanner| order(scanner, command, &ask, &cells, now)) {
             return Ok((None, self.fail(&refused)));
         }
         Ok(match (ask, command) {
@@ -91,14 +91,14 @@ impl Session<'_, '_> {
 }
 
 impl PointJob {
-    /// Runs the next step after the event `came`.
-    pub(super) fn step(&mut self, session: &mut Session<'_, '_>, came: WaitEvent) -> Wait {
-        let Some(place) = session.gateway.scanner() else { return session.fail(&ApplyError::NoPoints) };
+    /// Runs the next step after `event`.
+    pub(super) fn step(&mut self, session: &mut Session<'_, '_>, event: WaitEvent) -> Wait {
+        let Some(state) = session.gateway.scanner() else { return session.fail(&ApplyError::NoPoints) };
         match self {
             Self::One { row, until, line } => {
                 if let Some(give_up) = *until {
-                    match settled(place, *row, give_up) {
-                        None => return Wait::Rest(LOOK),
+                    match settled(state, *row, give_up) {
+                        None => return Wait::Rest(POLL),
                         Some(true) => {}
                         Some(false) => {
                             session.out.line(format_args!("it is not done yet: see show points"));
@@ -106,18 +106,18 @@ impl PointJob {
                     }
                     *until = None;
                 }
-                lines_of(session, place, *row, line, usize::MAX)
+                lines_of(session, state, *row, line, usize::MAX)
             }
-            Self::Changing { .. } if matches!(came, WaitEvent::Typed(_)) => Wait::End,
+            Self::Changing { .. } if matches!(event, WaitEvent::Typed(_)) => Wait::End,
             Self::Changing { shown, at, line } => {
                 let points = session.gateway.settings(|settings| settings.points.len());
                 while let Some(shown) = shown.get_mut(*at).filter(|_| *at < points) {
                     let id = RowId(*at as u8);
-                    let now = place.with(|scanner| {
+                    let now = state.with(|scanner| {
                         (scanner.status(id, Instant::now()).bits(), crc16(scanner.input(id)))
                     });
                     let changed = *line > 0 || shown.replace(now) != Some(now);
-                    if changed && let Wait::Sent = lines_of(session, place, id, line, LINE_VALUES_MAX) {
+                    if changed && let Wait::Sent = lines_of(session, state, id, line, LINE_VALUES_MAX) {
                         return Wait::Sent;
                     }
                     *line = 0;
@@ -133,7 +133,7 @@ impl PointJob {
 /// Shows the next line of a point with at most `most` values.
 fn lines_of(
     session: &mut Session<'_, '_>,
-    place: &ScannerState,
+    state: &ScannerState,
     id: RowId,
     line: &mut usize,
     most: usize,
@@ -141,7 +141,7 @@ fn lines_of(
     let (gateway, now) = (session.gateway, Instant::now());
     let layout = Layout::fixed(COLUMNS);
     layout::row(&mut session.out, &layout, line, &mut |line, out| {
-        gateway.settings(|settings| point(settings, place, id, (line, most), now, out))
+        gateway.settings(|settings| point(settings, state, id, (line, most), now, out))
     })
 }
 
@@ -158,7 +158,7 @@ pub(super) fn row(source: &Source<'_, '_>, place: usize, out: &mut dyn fmt::Writ
 /// Line `line` of a point with at most `most` values.
 fn point(
     settings: &Settings,
-    place: &ScannerState,
+    state: &ScannerState,
     id: RowId,
     (line, most): (usize, usize),
     now: Instant,
@@ -166,13 +166,13 @@ fn point(
 ) -> Written {
     let point = settings.points.get(usize::from(id.0))?;
     let Some(row) = line.checked_sub(1) else {
-        return Some(head(settings, place, id, point, now, out));
+        return Some(head(settings, state, id, point, now, out));
     };
     let (all, at) = (usize::from(point.count), row * LINE_VALUES_MAX);
     let count = all.min(most);
     let shown = count.checked_sub(at).filter(|shown| *shown > 0)?.min(LINE_VALUES_MAX);
     let more = if at + shown < all && at + shown == count { " ..." } else { "" };
-    Some(place.with(|scanner| {
+    Some(state.with(|scanner| {
         let values = Values { value: point.value, cells: scanner.input(id), range: at..at + shown };
         write!(out, "  [{at}]{values}{more}")
     }))
@@ -181,13 +181,13 @@ fn point(
 /// The line above a point's values.
 fn head(
     settings: &Settings,
-    place: &ScannerState,
+    state: &ScannerState,
     id: RowId,
     point: &PointSettings,
     now: Instant,
     out: &mut dyn fmt::Write,
 ) -> fmt::Result {
-    let (status, fresh) = place.with(|scanner| (scanner.status(id, now), scanner.age(id, now)));
+    let (status, fresh) = state.with(|scanner| (scanner.status(id, now), scanner.age(id, now)));
     let whence = match point.at {
         PointAt::Device { device, .. } => settings.device_name(device),
         PointAt::Local { .. } => "local",
@@ -265,10 +265,10 @@ impl fmt::Display for DeviceRow<'_> {
 }
 
 /// Whether the row's command is done; `false`: it cannot be sent for some time; `None`: not known yet.
-fn settled(place: &ScannerState, row: RowId, give_up: Instant) -> Option<bool> {
+fn settled(state: &ScannerState, row: RowId, give_up: Instant) -> Option<bool> {
     let waits = Status::IN_PROGRESS.with(Status::READ_MARKED).with(Status::WRITE_MARKED);
     let now = Instant::now();
-    let status = place.with(|scanner| scanner.status(row, now));
+    let status = state.with(|scanner| scanner.status(row, now));
     let idle = !status.any(waits) || status.any(Status::WRITE_BLOCKED);
     (idle || status.any(Status::BACKING_OFF) || now >= give_up).then_some(idle)
 }

@@ -175,7 +175,7 @@ impl fmt::Display for LogRow<'_> {
             Outcome::Response => f.write_str("answer"),
             Outcome::Exception(exception) => write!(f, "{exception}"),
             Outcome::Silence => f.write_str("no answer due"),
-            Outcome::RequesterGone => f.write_str("asker gone"),
+            Outcome::RequesterGone => f.write_str("requester gone"),
         }
     }
 }

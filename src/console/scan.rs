@@ -112,15 +112,15 @@ impl Session<'_, '_> {
 
     /// The sum of these counters of `port`.
     fn heard(&self, port: PortId, events: &[Event]) -> u32 {
-        let place = self.gateway.ports().get(port.index());
-        place.map_or(0, |place| events.iter().fold(0, |sum, event| sum.wrapping_add(place.stats.get(*event))))
+        let state = self.gateway.ports().get(port.index());
+        state.map_or(0, |state| events.iter().fold(0, |sum, event| sum.wrapping_add(state.stats.get(*event))))
     }
 }
 
 impl Scan {
-    /// Runs the next step after the event `came`.
-    pub(super) fn step(&mut self, session: &mut Session<'_, '_>, came: WaitEvent) -> Wait {
-        match (self.stage, came) {
+    /// Runs the next step after `event`.
+    pub(super) fn step(&mut self, session: &mut Session<'_, '_>, event: WaitEvent) -> Wait {
+        match (self.stage, event) {
             (Stage::Found(place), _) => return self.show(session, place),
             (Stage::Offered, WaitEvent::Key(b'y' | b'Y')) => {
                 session.out.line(format_args!("yes"));
@@ -149,8 +149,8 @@ impl Scan {
             }
             (Stage::Unit, _) => return self.next_unit(session),
             (Stage::Listening, _) => return self.end_of_units(session),
-            (Stage::Asked, WaitEvent::Answer(asked)) => return self.asked(session, asked.is_ok()),
-            (Stage::Identified(question), WaitEvent::Answer(asked)) => {
+            (Stage::Asked, WaitEvent::Response(asked)) => return self.asked(session, asked.is_ok()),
+            (Stage::Identified(question), WaitEvent::Response(asked)) => {
                 if asked.is_ok() && session.pdu.first() == question.first() {
                     session.out.put(format_args!("{}", Identity(&session.pdu)));
                 } else if question.len() > 1 {

@@ -26,16 +26,16 @@ pub(super) struct Session<'s, 'g> {
     pub(super) system: &'s dyn System,
     /// Where the user is, if not at the gateway.
     pub(super) peer: Option<IpAddr>,
-    /// The port of the settings by which he has come, if it is one.
+    /// The configured port through which the user is connected, if any.
     pub(super) port: Option<PortId>,
-    /// Who has logged in.
+    /// The authenticated user.
     pub(super) user: Name,
     /// What the user may do.
     pub(super) role: Role,
-    /// What the next line is.
+    /// How the next line is interpreted.
     pub(super) asks: Asks,
     /// Wrong passwords so far.
-    // Without users nobody counts them.
+    // Used only with the feature `users`.
     #[cfg_attr(not(feature = "users"), allow(dead_code))]
     pub(super) failures: u8,
     /// The current command has failed.
@@ -66,7 +66,7 @@ impl<'s, 'g> Session<'s, 'g> {
             port: mode.port(),
             // Names of users fit.
             user: Name::try_from(mode.user()).unwrap_or_default(),
-            // Least, until somebody has logged in.
+            // The lowest role until log-in.
             role: if mode.peer().is_none() { Role::Engineer } else { Role::Viewer },
             asks: Asks::first(mode),
             failures: 0,
@@ -98,25 +98,25 @@ impl Session<'_, '_> {
         self.gateway.audit(topic, self.actor(), what);
     }
 
-    /// The same of a command that was begun, if the trail has such ones: each of its words was understood.
+    /// Writes an audited command that has started; all its words were valid.
     pub(super) fn audit_command(&self, is_audited: bool, words: &Words<'_>) {
         if is_audited && !self.failed {
             self.audit(Topic::Command, format_args!("{}", WithoutSecrets(words.line)));
         }
     }
 
-    /// The same of a command that the role may not run.
+    /// Writes a command that the role may not run.
     pub(super) fn audit_denied(&self, command: &str) {
         let what = format_args!("{command} is denied to the role {}", self.role);
         self.gateway.audit_refusal(Topic::DeniedCommand, None, self.peer, what);
     }
 
-    /// The same of a `line` of settings that was typed.
+    /// Writes a `line` of settings as typed.
     pub(super) fn audit_line(&self, line: &str) {
         self.audit(Topic::Settings, format_args!("{}", WithoutSecrets(line)));
     }
 
-    /// The same of what `new` settings change.
+    /// Writes the changes that `new` settings make.
     pub(super) fn audit_difference(&self, new: &Settings) {
         self.gateway.audit_difference(self.actor(), new);
     }
@@ -150,15 +150,15 @@ impl Session<'_, '_> {
         self.pdu.clear();
         // Requests fit a PDU.
         let _ = self.pdu.extend_from_slice(request);
-        Wait::Answer { typed_ends }
+        Wait::Response { typed_ends }
     }
 
     /// Waits for the time, or for the units of the turn.
     pub(super) async fn wait(&mut self, wait: Wait) -> WaitEvent {
         match (wait, &self.turn) {
             (Wait::Pause(time) | Wait::Rest(time), _) => Timer::after(time).await,
-            (Wait::Answer { .. }, Some(turn)) => {
-                return WaitEvent::Answer(turn.ask(self.unit, &mut self.pdu).await);
+            (Wait::Response { .. }, Some(turn)) => {
+                return WaitEvent::Response(turn.ask(self.unit, &mut self.pdu).await);
             }
             (Wait::Open { line, timeout, alone }, Some(turn)) => {
                 return WaitEvent::Opened(turn.try_on(line, timeout, alone).await);

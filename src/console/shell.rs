@@ -44,10 +44,10 @@ impl<'s, 'g> Shell<'s, 'g> {
         Wait::Key
     }
 
-    /// Runs the next step after the event `came`.
-    pub(super) fn step(&mut self, came: WaitEvent) -> Wait {
+    /// Runs the next step after `event`.
+    pub(super) fn step(&mut self, event: WaitEvent) -> Wait {
         let Self { input, session, job, ended } = self;
-        let wait = match (&job, came) {
+        let wait = match (&job, event) {
             (Job::Idle, WaitEvent::Key(byte)) => {
                 let typed = input.feed(byte, &mut session.out);
                 self.typed(typed)
@@ -57,7 +57,7 @@ impl<'s, 'g> Shell<'s, 'g> {
                 let typed = input.end(&mut session.out);
                 self.typed(typed)
             }
-            _ => job.step(session, came),
+            _ => job.step(session, event),
         };
         let Self { input, session, job, .. } = self;
         if let (Wait::Change, Job::Scan(scan)) = (wait, &*job) {
@@ -71,7 +71,7 @@ impl<'s, 'g> Shell<'s, 'g> {
         self.job = Job::Idle;
         self.session.turn = None;
         let wait = self.start();
-        match came {
+        match event {
             // This input did not stop the command: it begins the next one.
             WaitEvent::Key(byte @ b' '..=b'~') if !was_idle => self.step(WaitEvent::Key(byte)),
             _ => wait,

@@ -53,7 +53,7 @@ pub(crate) enum Show {
     // Images without TLS have no certificates.
     #[cfg(feature = "tls")]
     Certificates,
-    // Images without a candidate have no word of it.
+    // Left out of images without a candidate.
     #[cfg(feature = "candidate")]
     Candidate,
     Network,
@@ -225,7 +225,7 @@ const fn columns(what: Show) -> Columns {
         #[cfg(feature = "tls")] // As above.
         Show::Certificates => certificates::COLUMNS,
         Show::Clients => &[15, 21, -9, -9, -4, -10],
-        Show::Stats => &[15, 13, -10, -10],
+        Show::Stats => &[15, 14, -10, -10],
         Show::Log => &[-9, 15, -4, 15, -6, -8, -10],
         Show::Network => &[4, 18, 15, 17],
         Show::Registers => &[5, 7],
@@ -246,16 +246,16 @@ const LOG: &str = "AGE\tSOURCE\tUNIT\tDESTINATION\tTARGET\tFUNCTION\tTOOK\tOUTCO
 
 fn port(source: &Source<'_, '_>, row: usize, out: &mut dyn fmt::Write) -> Written {
     let Source { gateway, settings, .. } = *source;
-    let Some((port, place)) = source.port(row)? else { return NO_ROW };
-    let status = StatusText(place.status());
+    let Some((port, state)) = source.port(row)? else { return NO_ROW };
+    let status = StatusText(state.status());
     let is_ethercat_line = settings.ethercat_line().is_some_and(|id| id.index() == row);
     let writer = gateway.ethercat().filter(|_| is_ethercat_line).map(EthercatState::line_writer);
     let writer = writer.filter(|writer| *writer != LineWriter::Settings);
     let mut written = Ok(());
-    port.kind.describe(&mut |role, place, line| {
+    port.kind.describe(&mut |role, at, line| {
         let line = cell(line);
         let line = line.trim_ascii();
-        written = write!(out, "{}\t{role}\t{place}\t{line}\t{status}", port.name);
+        written = write!(out, "{}\t{role}\t{at}\t{line}\t{status}", port.name);
     });
     Some(written.and_then(|()| writer.map_or(Ok(()), |writer| write!(out, ", {writer}"))))
 }
@@ -280,8 +280,8 @@ fn route(source: &Source<'_, '_>, nth: usize, out: &mut dyn fmt::Write) -> Writt
 }
 
 fn unit(source: &Source<'_, '_>, nth: usize, out: &mut dyn fmt::Write) -> Written {
-    let Some((port, place)) = source.port(nth / UNITS_MAX)? else { return NO_ROW };
-    let known = place.units(|units| {
+    let Some((port, port_state)) = source.port(nth / UNITS_MAX)? else { return NO_ROW };
+    let known = port_state.units(|units| {
         let unit = *units.iter().nth(nth % UNITS_MAX)?;
         Some((unit, units.state(&unit, source.now)))
     });
@@ -307,8 +307,8 @@ fn client(source: &Source<'_, '_>, nth: usize, out: &mut dyn fmt::Write) -> Writ
     let peer = Endpoint(peer);
     let (since, quiet) = (age(state.since, now), age(state.last_request, now));
     let (open, requests) = (state.open_requests, state.requests);
-    let place = if state.marked { "reserved" } else { "ordinary" };
-    let row = write!(out, "{port}\t{peer}\t{since}\t{quiet}\t{open}\t{requests}\t{place}");
+    let slot = if state.marked { "reserved" } else { "ordinary" };
+    let row = write!(out, "{port}\t{peer}\t{since}\t{quiet}\t{open}\t{requests}\t{slot}");
     let has_role = TLS && !state.role.is_none();
     Some(row.and_then(|()| if has_role { write!(out, ", role {}", state.role.name()) } else { Ok(()) }))
 }
@@ -318,22 +318,22 @@ fn count(source: &Source<'_, '_>, nth: usize, out: &mut dyn fmt::Write) -> Writt
     let Source { gateway, settings, now } = *source;
     let counters = Event::ALL.len();
     if let Some(port) = source.port(nth / counters) {
-        let (Some((port, place)), Some(event)) = (port, Event::ALL.get(nth % counters)) else {
+        let (Some((port, state)), Some(event)) = (port, Event::ALL.get(nth % counters)) else {
             return NO_ROW;
         };
-        let count = place.stats.get(*event);
+        let count = state.stats.get(*event);
         // Events that never happened are left out.
         if count == 0 && !matches!(event, Event::Request | Event::Response) {
             return NO_ROW;
         }
-        let (event, rate) = (event.name(), place.stats.per_minute(*event, now));
+        let (event, rate) = (event.name(), state.stats.per_minute(*event, now));
         return Some(write!(out, "{}\t{event}\t{count}\t{rate}\t", port.name));
     }
     let ports = gateway.ports().len().min(settings.ports.len());
     let row = nth - ports * counters;
     if let Some(port) = source.port(row) {
-        let Some((port, place)) = port else { return NO_ROW };
-        let error = place.stats.last_error();
+        let Some((port, state)) = port else { return NO_ROW };
+        let error = state.stats.last_error();
         let listens = port.kind.side() == Side::Server && !port.kind.asks_by_itself();
         if error == LastError::None || !(listens || matches!(port.kind, PortKind::Serial(_))) {
             return NO_ROW;

@@ -260,18 +260,18 @@ fn push_exception(gateway: &Gateway<'_>, at: embassy_time::Instant) {
 fn counters_units_and_transactions_are_shown_and_cleared() {
     let gateway = &new_gateway();
     pipe(gateway, SETTINGS);
-    let place = gateway.port_state(PortId(0)).unwrap();
-    place.stats.count(Event::Request);
-    place.stats.count(Event::Timeout);
+    let state = gateway.port_state(PortId(0)).unwrap();
+    state.stats.count(Event::Request);
+    state.stats.count(Event::Timeout);
     let now = embassy_time::Instant::now();
-    place.units(|units| units.asked(7));
-    place.units(|units| units.timed_out(7, now, 3));
+    state.units(|units| units.asked(7));
+    state.units(|units| units.timed_out(7, now, 3));
     push_exception(gateway, now);
     let stats = pipe(gateway, "show stats");
-    assert!(stats.starts_with("PORT            EVENT              COUNT PER-MINUTE\n"), "{stats}");
-    assert!(stats.contains("P1              requests               1 "), "{stats}");
-    assert!(stats.contains("P1              timeouts               1 "), "{stats}");
-    let free = format!("-               frames-free   {:>10}\n", CONNECTIONS + 8);
+    assert!(stats.starts_with("PORT            EVENT               COUNT PER-MINUTE\n"), "{stats}");
+    assert!(stats.contains("P1              requests                1 "), "{stats}");
+    assert!(stats.contains("P1              timeouts                1 "), "{stats}");
+    let free = format!("-               frames-free    {:>10}\n", CONNECTIONS + 8);
     assert!(stats.contains(&free), "{stats}");
     let units = pipe(gateway, "show units");
     assert_eq!(

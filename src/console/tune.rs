@@ -140,9 +140,9 @@ impl Tune {
         })
     }
 
-    /// Runs the next step after the event `came`.
-    pub(super) fn step(&mut self, session: &mut Session<'_, '_>, came: WaitEvent) -> Wait {
-        match (self.stage, came) {
+    /// Runs the next step after `event`.
+    pub(super) fn step(&mut self, session: &mut Session<'_, '_>, event: WaitEvent) -> Wait {
+        match (self.stage, event) {
             (_, WaitEvent::Typed(_)) => {
                 session.out.line(format_args!("stopped: too little is known to propose anything"));
                 Wait::End
@@ -156,7 +156,7 @@ impl Tune {
                 }
                 self.ask(session)
             }
-            (_, WaitEvent::Answer(asked)) => {
+            (_, WaitEvent::Response(asked)) => {
                 self.note(session, asked.is_ok());
                 if self.series.is_over() { self.judge(session) } else { self.ask(session) }
             }
@@ -166,11 +166,11 @@ impl Tune {
 
     /// Starts the next unit, or ends.
     fn next_unit(&mut self, session: &mut Session<'_, '_>) -> Wait {
-        let place = session.gateway.port_state(self.port);
+        let state = session.gateway.port_state(self.port);
         let is_known = |id| {
             let answered =
                 |units: &mut Units| units.iter().any(|known| known.id == id && known.responses > 0);
-            self.units.is_some() || place.is_some_and(|place| place.units(answered))
+            self.units.is_some() || state.is_some_and(|state| state.units(answered))
         };
         let UnitRange { first, last } = self.units.unwrap_or(UnitRange { first: 1, last: 255 });
         let next = (first..=last).find(|id| *id > self.unit && is_known(*id));

@@ -57,7 +57,7 @@ where
         let received = piped::receive(stream, update, allow_older, ahead).await?;
         return Ok(received.map_err(|why| why.map_or(Failed::Stopped(Stopped::Silent), Failed::Refused)));
     }
-    // Nobody need send what is not taken anyway; and from here on nobody else begins.
+    // Refuse before the file is sent; from here on no other update can start.
     let begun = update.begin(None, allow_older).await;
     if !U::EXISTS || begun.is_err() {
         return Ok(Err(Failed::Refused(begun.err().unwrap_or(UpdateError::Failed))));
@@ -96,7 +96,7 @@ where
     let (mut receiver, mut version) = (Receiver::new(), Version::new());
     let (mut chunk, mut bytes) = ([0; CHUNK_BYTES_MAX], 0..0);
     loop {
-        let came = match bytes.next().and_then(|at| chunk.get(at)) {
+        let event = match bytes.next().and_then(|at| chunk.get(at)) {
             Some(byte) => receiver.feed(*byte),
             None => match with_timeout(receiver.patience(), stream.read(&mut chunk)).await {
                 Ok(Ok(0)) => Action::Stopped(Stopped::Silent),
@@ -107,7 +107,7 @@ where
                 Err(_) => receiver.silence(),
             },
         };
-        let done = match came {
+        let done = match event {
             Action::More => continue,
             Action::Send(bytes) => {
                 send(stream, bytes).await?;

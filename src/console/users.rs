@@ -1,4 +1,4 @@
-//! `show users`: who may log in.
+//! `show users`: users and their roles.
 
 use core::fmt;
 

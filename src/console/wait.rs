@@ -18,7 +18,7 @@ pub(super) enum Wait {
     /// This time, regardless of input.
     Rest(Duration),
     /// The response to the session's request, or input if that ends it.
-    Answer {
+    Response {
         typed_ends: bool,
     },
     /// The port of the session's turn to be open with other settings.
@@ -35,7 +35,7 @@ pub(super) enum Wait {
     },
     Load,
     /// The candidate to be put in force, for good or until it is not confirmed in time; or such a commit to be taken back.
-    // Images without a candidate have no word of it.
+    // Left out of images without a candidate.
     #[cfg(feature = "candidate")]
     Commit {
         confirmed: Option<Duration>,
@@ -71,7 +71,7 @@ pub(super) enum Wait {
 impl Wait {
     /// Whether input is read meanwhile.
     pub(super) fn listens(self) -> bool {
-        matches!(self, Self::Key | Self::Pause(_) | Self::Answer { typed_ends: true })
+        matches!(self, Self::Key | Self::Pause(_) | Self::Response { typed_ends: true })
     }
 }
 
@@ -87,7 +87,7 @@ pub(super) enum WaitEvent {
     Key(u8),
     /// This many bytes of input; 0: the input has ended.
     Typed(usize),
-    Answer(Result<Duration, DirectRequestError>),
+    Response(Result<Duration, DirectRequestError>),
     Opened(Result<(), OpenError>),
 }
 

@@ -20,9 +20,9 @@ use super::{modular::LONG_MODULAR, objects::LONG_DEVICE};
 use crate::scanner::ScannerState;
 
 /// Interval of probes for a controller that has never responded. A probe takes a few bytes on the bus.
-const LOOK_INTERVAL: Duration = Duration::from_secs(1);
+const PROBE_INTERVAL: Duration = Duration::from_secs(1);
 /// The same for one that was lost: a MainDevice is waiting for it.
-const LOST_LOOK_INTERVAL: Duration = Duration::from_millis(100);
+const LOST_PROBE_INTERVAL: Duration = Duration::from_millis(100);
 
 static FIXED: Device = DEVICE;
 static WITH_MODULES: Device = MODULAR;
@@ -124,8 +124,8 @@ async fn run<const OUTPUTS: usize, const INPUTS: usize>(
                 RESTART_PAUSE
             }
             // A bus that is not usable needs manual intervention.
-            Controller::Missing(_) | Controller::Lost(EscError::Unreachable(_)) => LOOK_INTERVAL,
-            Controller::Lost(_) => LOST_LOOK_INTERVAL,
+            Controller::Missing(_) | Controller::Lost(EscError::Unreachable(_)) => PROBE_INTERVAL,
+            Controller::Lost(_) => LOST_PROBE_INTERVAL,
         };
         Timer::after(pause).await;
     }

@@ -28,9 +28,9 @@ impl<'p> PointObjects<'p> {
         Some(match (index, self.scanner) {
             (0x2042, _) => *self.range.get(nth)?,
             (_, None) => 0,
-            (0x2040, Some(place)) => place.with(|scanner| scanner.command(id)).unwrap_or(0),
-            (0x2041, Some(place)) => place.with(|scanner| scanner.status(id, Instant::now()).bits()),
-            (_, Some(place)) => place.with(|scanner| scanner.commands_of(nth as u8)),
+            (0x2040, Some(state)) => state.with(|scanner| scanner.command(id)).unwrap_or(0),
+            (0x2041, Some(state)) => state.with(|scanner| scanner.status(id, Instant::now()).bits()),
+            (_, Some(state)) => state.with(|scanner| scanner.commands_of(nth as u8)),
         })
     }
 
@@ -38,14 +38,14 @@ impl<'p> PointObjects<'p> {
     pub(super) fn write(&mut self, index: u16, sub: u8, value: u16) {
         let nth = sub.saturating_sub(1);
         if index == 0x2042 {
-            self.range.iter_mut().skip(nth.into()).take(1).for_each(|place| *place = value);
+            self.range.iter_mut().skip(nth.into()).take(1).for_each(|entry| *entry = value);
             if usize::from(sub) < self.range.len() {
                 return;
             }
         }
         let (range, now) = (self.range, Instant::now());
-        let done = self.scanner.ok_or(Refused::NotThere).and_then(|place| {
-            place.change(|scanner| match index {
+        let done = self.scanner.ok_or(Refused::NotThere).and_then(|state| {
+            state.change(|scanner| match index {
                 0x2040 => scanner.start(RowId(nth), value, now),
                 _ => scanner.start_range(range, now),
             })

@@ -15,7 +15,7 @@ impl Gateway<'_> {
         self.put_in_force(new)
     }
 
-    /// The same of settings that were checked.
+    /// Applies settings that have been checked.
     pub(super) fn put_in_force(&self, new: &Settings) -> Result<(), ApplyError> {
         let mut points = Reloaded::Nothing;
         if let Some(port_state) = self.scanner() {
@@ -46,7 +46,7 @@ impl Gateway<'_> {
             }
             settings.clone_from(new);
         });
-        // Images without a web interface have nobody to tell.
+        // Only the web interface is notified.
         #[cfg(feature = "web")]
         self.web.settings_changed();
         self.follow_ethercat(new, other_slaves);

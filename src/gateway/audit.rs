@@ -66,7 +66,7 @@ impl Write for Text {
 }
 
 impl<'g> Gateway<'g> {
-    /// Adds an audit trail, which takes memory of its own. Without, nothing is written down.
+    /// Adds an audit trail, which needs its own memory. Without it, nothing is recorded.
     #[must_use]
     pub const fn with_audit(mut self, memory: &'g AuditMemory) -> Self {
         self.audit_memory = Some(memory);
@@ -141,7 +141,7 @@ impl Gateway<'_> {
         }
     }
 
-    /// Writes a line about a refusal of somebody at `peer`, or counts it if there were several; `port` is named behind `what`.
+    /// Writes a line about a refused `peer`, or only counts it after several refusals; `port` is named after `what`.
     #[inline]
     pub fn audit_refusal(
         &self,
@@ -160,7 +160,7 @@ impl Gateway<'_> {
         }
     }
 
-    /// Writes the lines of refusals that were counted long enough.
+    /// Writes the counts of refusals whose interval has ended.
     #[doc(hidden)] // Public for tests/ only.
     pub fn settle_audit(&self) {
         while let Some(Some(tally)) = self.trail(|trail, _| trail.due(Instant::now())) {
@@ -173,7 +173,7 @@ impl Gateway<'_> {
         }
     }
 
-    /// Calls `f` with the place of an event.
+    /// Calls `f` with where an event happened: a port, or nothing.
     fn at_port(&self, port: Option<PortId>, f: &mut dyn FnMut(&dyn fmt::Display)) {
         match port {
             Some(port) => self.settings(|settings| f(&format_args!(" at port {}", settings.name(port)))),
@@ -181,7 +181,7 @@ impl Gateway<'_> {
         }
     }
 
-    /// Writes about `unit` of `port`, which has gone down or `is_up` again.
+    /// Records that `unit` of `port` has gone down or `is_up` again.
     pub(crate) fn audit_unit(&self, port: PortId, unit: u8, is_up: bool) {
         let what = if is_up { "responds again" } else { "is down" };
         self.audit_refusal(Topic::Unit, Some(port), None, format_args!("unit {unit} {what}"));
@@ -241,7 +241,7 @@ impl Gateway<'_> {
         now
     }
 
-    /// Calls `change` with how forwarding does.
+    /// Calls `change` with the state of forwarding.
     pub(crate) fn change_forwarding(&self, change: impl FnOnce(&mut Forwarding)) {
         if let Some(audit) = self.audit.first() {
             let sent = audit.forwarding.lock(|forwarding| {

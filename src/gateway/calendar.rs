@@ -1,4 +1,4 @@
-//! The time of day, for boards that have none of their own: asked from an NTP server.
+//! The time of day from an NTP server, for boards without a clock of their own.
 
 pub(super) mod state;
 
@@ -20,7 +20,7 @@ impl Gateway<'_> {
         Some(self.calendar.first()?.state.lock(|state| f(&mut state.borrow_mut())))
     }
 
-    /// The date of `at`, once an NTP server has told the time.
+    /// The date of `at`, once an NTP server has responded.
     pub fn date(&self, at: Instant) -> Option<Date> {
         self.time_state(|state| state.date(at))?
     }
@@ -30,7 +30,7 @@ impl Gateway<'_> {
         self.date(at).map_or(Stamp::Up(at), Stamp::Date)
     }
 
-    /// Sets the clock: at the time `at` it was `date`, as `server` says. Returns why it was not set.
+    /// Sets the clock: according to `server` it was `date` at the time `at`. Returns why it was refused.
     pub fn set_time(&self, server: &ServerAddress, told: Result<(Date, Instant), OpenError>) {
         let was_unknown = self.time_state(|state| {
             let was_unknown = state.start.is_none();

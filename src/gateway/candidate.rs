@@ -1,5 +1,5 @@
-//! A candidate: settings that lines change one by one, and that a commit puts in force all at once, for good or until a time by
-//! which somebody must have confirmed it.
+//! A candidate: settings that lines change one by one, and that a commit applies all at once, permanently or until a deadline by
+//! which the commit must be confirmed.
 //!
 //! While there is a candidate, lines at all consoles change it, and not the settings in force. A commit that waits for its
 //! confirmation is not saved, so that a reset takes it back, too. The memory of the candidate has meanwhile the settings to go
@@ -15,7 +15,7 @@ use embassy_time::{Duration, Instant};
 use super::shared::{Draft, Shared};
 use crate::settings::Settings;
 
-/// The candidate of a gateway, which takes memory of its own.
+/// The candidate of a gateway, which needs its own memory.
 pub struct Candidate {
     /// Those of the candidate, or those to go back to.
     pub(super) settings: Draft,
@@ -27,7 +27,7 @@ pub struct Candidate {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Stage {
     Nothing,
-    /// A candidate, begun when so many changes had been made to the settings in force.
+    /// A candidate, and the number of changes to the settings in force when it was begun.
     Open {
         changes: u32,
     },
@@ -81,7 +81,7 @@ impl Candidate {
         }
     }
 
-    /// Settings were read from the store and are in force: nothing waits any more.
+    /// Settings from the store are in force: no commit is pending any more.
     pub(crate) fn settle(&self) {
         if self.is_waiting() {
             self.set(Stage::Nothing);

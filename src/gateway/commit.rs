@@ -16,7 +16,7 @@ use super::{ApplyError, Gateway, reconfigure, saved};
 use crate::hal::{Store, StoreError};
 use crate::settings::{PortId, Settings};
 
-/// Why a candidate is not begun, changed or committed.
+/// Why a candidate could not be begun, changed or committed.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub(crate) enum Uncommitted {
     #[error("there is no candidate: `candidate` begins one")]
@@ -51,7 +51,7 @@ impl From<TryLockError> for Uncommitted {
     }
 }
 
-/// One of the versions in a store, to be read.
+/// A saved version, as a store to read from.
 struct Version<'s, S> {
     store: &'s mut S,
     nth: usize,
@@ -104,7 +104,7 @@ impl Candidate {
         if self.is_waiting() {
             return Err(Uncommitted::Waiting);
         }
-        // A text that cannot be read must not spoil the candidate.
+        // A version that cannot be read must leave the candidate unchanged.
         let mut draft = reconfigure::draft(gateway).await;
         if reconfigure::read(gateway, &mut Version { store, nth }, &mut draft).await? == 0 {
             return Err(Uncommitted::NoVersion);
@@ -180,7 +180,7 @@ impl Candidate {
         }
     }
 
-    /// Takes back a commit that waits for its confirmation.
+    /// Reverts a commit that waits for its confirmation.
     pub(crate) async fn roll_back(&self, gateway: &Gateway<'_>, actor: Actor<'_>) -> Result<(), Uncommitted> {
         let settings = self.settings.lock().await;
         let Stage::Waiting { unsaved, .. } = self.stage() else { return Err(Uncommitted::NotWaiting) };
@@ -195,14 +195,14 @@ impl Candidate {
     fn go_back(&self, gateway: &Gateway<'_>, before: &Settings, unsaved: bool) {
         match gateway.put_in_force(before) {
             Ok(()) => _ = gateway.set_unsaved(unsaved),
-            // They were in force: the board has what they need.
+            // They were in force before, so the board can run them.
             Err(error) => log_warn!("the settings from before cannot be applied: {error}"),
         }
     }
 }
 
 impl Gateway<'_> {
-    /// Takes back commits that nobody confirms in time, forever. A board with a candidate runs it once.
+    /// Reverts commits that are not confirmed in time, forever. A board with a candidate runs it once.
     pub async fn watch_commits(&self) -> Infallible {
         loop {
             let Some(candidate) = self.candidate() else { pending().await };

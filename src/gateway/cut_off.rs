@@ -54,14 +54,14 @@ impl<'s> Entrance<'s> {
         }
     }
 
-    /// Whether it takes the place of `old`.
+    /// Whether it replaces `old`.
     fn replaces(&self, old: &Self) -> bool {
         let is_everywhere = self.listen.address.is_none() && self.listen.port == old.listen.port;
         self.framing == old.framing && (self.listen == old.listen || is_everywhere)
     }
 }
 
-/// Why `peer` could not come in again as it did through `old`.
+/// Why `peer` could not connect again as it did through `old`.
 fn unreachable(old: &Entrance<'_>, after: &Settings, peer: IpAddr) -> Option<CutOff> {
     let mut entrances = (0..after.ports.len()).filter_map(|at| Entrance::of(after, PortId(at as u8)));
     match entrances.find(|new| new.replaces(old)) {

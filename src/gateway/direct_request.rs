@@ -30,7 +30,7 @@ const FRAME_PAUSE: Duration = Duration::from_millis(10);
 const FRAME_PATIENCE: Duration = Duration::from_secs(1);
 
 /// How often a console checks whether a line with trial settings is open, and for how long.
-const OPENING_LOOK: Duration = Duration::from_millis(1);
+const OPENING_POLL: Duration = Duration::from_millis(1);
 const OPENING_PATIENCE: Duration = Duration::from_secs(3);
 
 /// Why there is no response, or no request was sent.
@@ -83,7 +83,7 @@ impl Turn<'_, '_> {
         port_state.changed.signal(());
         let give_up = Instant::now() + OPENING_PATIENCE;
         loop {
-            Timer::after(OPENING_LOOK).await;
+            Timer::after(OPENING_POLL).await;
             match port_state.status() {
                 Status::Open => return Ok(()),
                 Status::Failed(error) => return Err(error),

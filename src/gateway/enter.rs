@@ -16,7 +16,7 @@ use crate::settings::{Name, User};
 pub enum Credential<'c> {
     /// A password.
     Password(&'c str),
-    /// A public key, as the settings have it, whose owner has proved to have the private one.
+    /// A public key from the settings; the client has proved that it holds the private key.
     Key(&'c str),
     /// A public key that the client offers and has not proved yet. A client may offer several, so only the first refusal need count.
     Offered {
@@ -35,12 +35,12 @@ pub(crate) enum Refused {
 }
 
 impl Gateway<'_> {
-    /// Whether `user` at `peer` may log in. The audit trail has it, and a failure counts for the pauses.
+    /// Whether `user` at `peer` may log in. Writes an audit line; a failure counts towards the pauses.
     pub async fn log_in(&self, system: &impl System, peer: IpAddr, user: &str, by: Credential<'_>) -> bool {
         self.enter(system, peer, user, by).await.is_ok()
     }
 
-    /// The same; returns the user, or why not.
+    /// Returns the user, or the reason for refusal.
     pub(crate) async fn enter(
         &self,
         system: &impl System,

@@ -1,6 +1,6 @@
-//! The errors of units in the last hour, for pictures: what their counters were every five minutes.
+//! The errors of units in the last hour, for charts: samples of their counters every five minutes.
 //!
-//! Whoever serves the web interface marks them, so that requests cost what they cost without it.
+//! The web interface's task takes the samples, so that requests cost nothing extra.
 
 use core::cell::RefCell;
 
@@ -18,7 +18,7 @@ use crate::stats::Event;
 const SPAN: Duration = Duration::from_secs(300);
 /// Times between marks in an hour.
 pub(crate) const SPANS: usize = 12;
-/// Counters of a mark: those that are not zero, and few units have errors. What does not fit begins at zero.
+/// Nonzero counters of a sample; few units have errors. Counters that do not fit count from zero.
 const COUNTS_MAX: usize = if cfg!(feature = "small") { 16 } else { 64 };
 
 /// A counter of a unit.

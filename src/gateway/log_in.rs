@@ -2,7 +2,7 @@
 //!
 //! Five failures from an address, or for a user, begin a pause that doubles with each further one. An attempt within a pause is
 //! refused before its password is checked, and does not count. The pause of a user is short, and does not hold for an address without
-//! failures: who guesses passwords from elsewhere keeps nobody out. The local console asks for no password, and knows no pause.
+//! failures, so guessing from elsewhere locks no user out. The local console needs no password and has no pauses.
 
 use core::net::IpAddr;
 
@@ -48,7 +48,7 @@ impl Attempts {
         Self { addresses: [None; ADDRESSES_MAX], users: [const { None }; USERS_MAX] }
     }
 
-    /// How long `user` must wait at `address` before another attempt; `None`: no time.
+    /// How long `user` must wait at `address` before another attempt; `None`: not at all.
     pub(crate) fn pause(&self, now: Instant, address: IpAddr, user: &str) -> Option<Duration> {
         let of_address = find(&self.addresses, now, &network(address))?;
         let of_user = find(&self.users, now, user).map(|failures| failures.until(USER_PAUSE_MAX));
@@ -59,7 +59,7 @@ impl Attempts {
     /// Notes an attempt that failed; `is_known` tells whether there is such a user.
     pub(crate) fn failed(&mut self, now: Instant, address: IpAddr, user: &Name, is_known: bool) {
         count(&mut self.addresses, now, network(address));
-        // Others than users would displace them.
+        // Unknown names would displace those of users.
         if is_known {
             count(&mut self.users, now, user.clone());
         }
@@ -72,7 +72,7 @@ impl Attempts {
     }
 }
 
-/// Who has an address of IPv6 has its whole network of 64 bits (RFC 6177).
+/// The holder of an IPv6 address has its whole 64-bit network (RFC 6177).
 fn network(address: IpAddr) -> IpAddr {
     match address {
         IpAddr::V4(_) => address,
@@ -115,7 +115,7 @@ fn forget<K: PartialEq<Q>, Q: ?Sized>(table: &mut [Option<(K, Failures)>], who: 
 }
 
 #[cfg(test)]
-// Without users nothing is remembered.
+// Used only with the feature `users`.
 #[cfg(feature = "users")]
 mod tests {
     use super::*;

@@ -20,7 +20,7 @@ pub trait SyslogHost {
 
 /// An open way to a syslog server: a UDP socket or a TCP connection.
 pub trait SyslogLink {
-    /// Waits until it is known that the server cannot be reached any more. What it says is ignored.
+    /// Waits until the server is known to be unreachable. Its messages are ignored.
     async fn ended(&mut self) -> OpenError;
 
     /// Sends `bytes`: as one datagram, or as the next ones of a stream.

@@ -18,7 +18,7 @@ pub type Version = String<VERSION_BYTES_MAX>;
 /// the image is left, and `begin` is next. What runs is never changed before a restart. Dropping a pending future, or
 /// [`discard`](Self::discard), discards what was written.
 pub trait Update {
-    /// False if [`begin`](Self::begin) always fails, so that the code of those who call it can be left out.
+    /// False if [`begin`](Self::begin) always fails, so that its callers' code can be left out.
     const EXISTS: bool = true;
 
     /// Begins a file of `bytes`, if that is known. An image older than what runs is accepted only if the caller allows it.
@@ -41,7 +41,7 @@ pub trait Update {
     /// [`UpdateError::Truncated`], [`UpdateError::Signature`], or any of [`write`](Self::write).
     async fn finish(&mut self) -> Result<Version, UpdateError>;
 
-    /// Discards an image that is not finished, and lets others begin; nothing happens if there is none.
+    /// Discards an unfinished image, if any, so that another update can begin.
     fn discard(&mut self);
 }
 
@@ -80,7 +80,7 @@ pub enum UpdateError {
     Failed,
 }
 
-/// How the image that runs came to run, or what happens next.
+/// How the running image was started, or what happens next.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum FirmwareState {
     /// It is confirmed: it starts again and again.
@@ -132,7 +132,7 @@ impl Update for NoUpdate {
     fn discard(&mut self) {}
 }
 
-/// A handle of an updater that several share: consoles, an EtherCAT MainDevice. Whoever has begun keeps it until the end; others
+/// A handle of an updater shared by consoles and an EtherCAT MainDevice. The one that began keeps it until the end; others
 /// get [`UpdateError::Busy`]. Dropping the handle discards what it has begun.
 pub struct SharedUpdate<'a, M: RawMutex, U: Update> {
     update: &'a Mutex<M, U>,

@@ -129,7 +129,7 @@ fn put_port(
     if settings.port(id).is_some_and(changes) {
         check_unused(settings, id, name)?;
     }
-    // Images without TLS have no word of it.
+    // Left out of images without TLS.
     #[cfg(feature = "tls")]
     if let Some(problem) = certificates::lacks_certificate(settings, &port.kind) {
         return Err(name.error(problem));
@@ -202,7 +202,7 @@ enum Thing {
     Slave,
     Slaves,
     User,
-    // Images without TLS have no word of it; also below.
+    // Left out of images without TLS; also below.
     #[cfg(feature = "tls")]
     Certificate,
 }

@@ -1,4 +1,4 @@
-//! What lines of settings are made of, for interfaces whose settings have names and types instead of words.
+//! The structure of settings lines, for interfaces that use names and types instead of words.
 //!
 //! A line has columns, whose names are here, and options behind them: the keywords and fields by which lines are parsed and
 //! printed.

@@ -23,7 +23,7 @@ enum Medium {
     Serial,
     Tcp,
     Udp,
-    // Images without it have no word of it.
+    // Left out of images without it.
     #[cfg(feature = "web")]
     Http,
     Scanner,
@@ -258,7 +258,7 @@ const TCP_SERVER: Keywords = (
         ("capture", Key::Stream(StreamFraming::Capture)),
         // For `edit`: resets a flag.
         ("mbap", Key::Stream(StreamFraming::Mbap)),
-        // Images without TLS have no word of it; also below.
+        // Left out of images without TLS; also below.
         #[cfg(feature = "tls")]
         ("tls", Key::Tls(true)),
         // For `edit`: resets a flag.
@@ -304,7 +304,7 @@ const TCP_CLIENT: Keywords = (
         ("rtu", Key::Stream(StreamFraming::Rtu)),
         // For `edit`: resets a flag.
         ("mbap", Key::Stream(StreamFraming::Mbap)),
-        // Images without TLS have no word of it; also below.
+        // Left out of images without TLS; also below.
         #[cfg(feature = "tls")]
         ("tls", Key::Tls(true)),
         // For `edit`: resets a flag.
@@ -353,7 +353,7 @@ const HTTP: Keywords = (
         ("metrics", Key::Metrics(true)),
         // For `edit`: resets a flag.
         ("no-metrics", Key::Metrics(false)),
-        // Images without TLS have no word of it.
+        // Left out of images without TLS.
         #[cfg(feature = "tls")]
         ("tls", Key::Tls(true)),
         // For `edit`: resets a flag.

@@ -48,7 +48,7 @@ enum Sort {
     OfServers,
     Units,
     OfRtu,
-    // Images without TLS have no word of it; also below.
+    // Left out of images without TLS; also below.
     #[cfg(feature = "tls")]
     OfTls,
 }
@@ -234,7 +234,7 @@ impl<'a> Draft<'a> {
                 }
                 one_at_a_time(settings.framing, blamed, &mut settings.in_flight, 1)
             }
-            // Images without one of both have no word of it.
+            // Left out of images without one of both.
             #[cfg(all(feature = "web", feature = "tls"))]
             PortKind::Http(settings) => check_tls(&mut settings.tls, blamed),
             _ => Ok(()),

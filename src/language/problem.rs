@@ -155,7 +155,7 @@ pub(crate) enum Problem {
     #[error("there is no user of this name")]
     NoSuchUser,
     /// No public key.
-    // Without the feature nobody has one; also below.
+    // Only with the feature; also below.
     #[cfg_attr(not(feature = "ssh"), allow(dead_code))]
     #[error("expected the key itself, which begins with AAAAC3NzaC1lZDI1NTE5AAAAI: see a file .pub")]
     NoKey,
@@ -171,7 +171,7 @@ pub(crate) enum Problem {
     #[error("this board has no TLS")]
     NoTls,
     /// A port needs a certificate that is not there.
-    // Images without the feature have no word of it; also below.
+    // Left out of images without the feature; also below.
     #[cfg(feature = "tls")]
     #[error("there is no line certificate {name} {line}")]
     NoCertificate {
@@ -241,7 +241,7 @@ pub(crate) enum Problem {
     #[error("another port listens there")]
     ListenTaken,
     /// There is a web interface.
-    // Images without one have no word of it.
+    // Left out of images without one.
     #[cfg(feature = "web")]
     #[error("there is an http server already")]
     HttpTaken,

@@ -69,9 +69,9 @@ fn gap_warning(port: &Port) -> Option<Warning> {
     (gap < t3_5).then(|| Warning::GapBelowSpecification { port: port.name.clone(), gap, t3_5 })
 }
 
-/// A warning when `port` is a web interface that nobody can log in to.
+/// A warning if `port` is a web interface and no user has a password.
 fn off(settings: &Settings, port: &Port) -> Option<Warning> {
-    // Images without a web interface have no word of it.
+    // Left out of images without a web interface.
     #[cfg(feature = "web")]
     if matches!(port.kind, PortKind::Http(_)) && !settings.can_log_in() {
         return Some(Warning::NobodyLogsIn { port: port.name.clone() });

@@ -1,6 +1,6 @@
 //! The help texts of lines whose options depend on the image.
 
-/// The text of a line of help, if the image has the feature: others have no word of it.
+/// The text of a line of help, if the image has the feature; otherwise nothing.
 macro_rules! help_with {
     ($feature:literal, $name:ident: $text:literal) => {
         #[cfg(feature = $feature)]

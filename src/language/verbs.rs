@@ -92,7 +92,7 @@ impl<Run: Copy> Verb<Run> {
         }
     }
 
-    /// The same in images without users.
+    /// Replaces the verb by `absent` in images without users.
     pub(crate) const fn of_users(self, absent: Run) -> Self {
         match USERS {
             true => self,
@@ -225,7 +225,7 @@ mdns off\tannounces nothing",
         )
         .then(MDNS, MDNS),
     ),
-    // Not `of_users`, whose refusal takes room in images without it.
+    // Not `of_users`: its refusal would take flash in images without the feature.
     #[cfg(feature = "audit")]
     (
         "syslog",

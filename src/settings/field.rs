@@ -48,7 +48,7 @@ pub(crate) enum Field<'s> {
     Special(&'s mut Special, bool),
     Interface(&'s mut Option<InterfaceName>),
     Line(&'s mut Option<Name>),
-    // Images without TLS have no word of it; also below.
+    // Left out of images without TLS; also below.
     #[cfg(feature = "tls")]
     Certificate(&'s mut Option<Name>),
     OnLoss(&'s mut OnLoss),

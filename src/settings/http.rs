@@ -2,7 +2,7 @@
 
 use super::address::Allowed;
 use super::network::TcpListen;
-// Images without TLS have no word of it; also below.
+// Left out of images without TLS; also below.
 #[cfg(feature = "tls")]
 use super::tls::TlsSettings;
 
@@ -15,9 +15,9 @@ pub struct HttpSettings {
     pub(crate) allowed: Allowed,
     /// Whether users may log in from other machines without encryption.
     pub(crate) cleartext: bool,
-    /// Whether everybody who may connect reads the metrics, without a log-in and encryption.
+    /// Whether metrics need neither log-in nor encryption.
     pub(crate) metrics: bool,
-    /// HTTPS: the gateway shows its certificate. Clients must show theirs only if `trust` names who certifies them.
+    /// HTTPS: the gateway shows its certificate. Clients need one only if `trust` names their authorities.
     #[cfg(feature = "tls")]
     pub(crate) tls: TlsSettings,
 }
@@ -35,7 +35,7 @@ impl HttpSettings {
         }
     }
 
-    /// Whether what it carries is encrypted.
+    /// Whether traffic is encrypted.
     pub(crate) const fn is_encrypted(&self) -> bool {
         #[cfg(feature = "tls")]
         return self.tls.on;

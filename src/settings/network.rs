@@ -50,7 +50,7 @@ pub(crate) const UDP_REQUESTS_MAX: usize = 32;
 /// Default number of clients of a TCP server: the board's number of connections.
 pub(super) const CLIENTS_DEFAULT: u16 = if cfg!(feature = "eight-clients") { 8 } else { 16 };
 
-/// Default number of clients of an SSH server: a host's sessions, and as many who log in. Boards have fewer connections.
+/// Default number of clients of an SSH server: a host's sessions, and as many log-ins. Boards have fewer connections.
 const SSH_CLIENTS: u16 = if cfg!(feature = "paths") { 16 } else { 4 };
 
 /// A listener for Modbus TCP clients.
@@ -77,7 +77,7 @@ pub struct TcpServerSettings {
     /// Peers that may connect; others are disconnected at once. Empty: everybody (Messaging on TCP/IP 4.2.3, restricted mode).
     pub allowed: Allowed,
     /// Modbus/TCP Security: clients must show certificates.
-    // Images without TLS have no word of it.
+    // Left out of images without TLS.
     #[cfg(feature = "tls")]
     pub tls: TlsSettings,
 }
@@ -194,7 +194,7 @@ pub struct TcpClientSettings {
     /// How units are proved to be in step; with RTU over TCP.
     pub proofs: Proofs,
     /// Modbus/TCP Security: servers must show certificates.
-    // Images without TLS have no word of it.
+    // Left out of images without TLS.
     #[cfg(feature = "tls")]
     pub tls: TlsSettings,
 }

@@ -48,7 +48,7 @@ pub enum PortKind {
     /// Polls the devices of the EtherCAT process image.
     Ethercat(EthercatSettings),
     /// The web interface.
-    // Images without it have no word of it.
+    // Left out of images without it.
     #[cfg(feature = "web")]
     Http(HttpSettings),
 }
@@ -74,7 +74,7 @@ impl PortKind {
     }
 
     /// The certificates, if the port speaks TLS.
-    // Images without TLS have no word of it.
+    // Left out of images without TLS.
     #[cfg(feature = "tls")]
     pub fn tls(&self) -> Option<&TlsSettings> {
         let tls = match self {
@@ -223,14 +223,14 @@ pub(crate) enum Key {
     Id,
     Emergencies(bool),
     Modules(bool),
-    // Images without TLS have no word of it; also below.
+    // Left out of images without TLS; also below.
     #[cfg(feature = "tls")]
     Tls(bool),
     #[cfg(feature = "tls")]
     Certificate,
     #[cfg(feature = "tls")]
     Trust,
-    // Images without a web interface have no word of it.
+    // Left out of images without a web interface.
     #[cfg(feature = "web")]
     Cleartext(bool),
     #[cfg(feature = "web")]
@@ -287,7 +287,7 @@ impl TcpServerSettings {
             Key::Full => Field::Full(&mut self.refuses),
             Key::Reserve => Field::Reserve(&mut self.reserved, &mut self.reserved_for, &RESERVED),
             Key::Allow => Field::Allow(&mut self.allowed),
-            // Images without TLS have no word of it.
+            // Left out of images without TLS.
             #[cfg(feature = "tls")]
             key => return self.tls.field(key),
             #[cfg(not(feature = "tls"))] // As above.

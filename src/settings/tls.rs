@@ -27,7 +27,7 @@ pub(crate) type Certificates = Vec<Certificate, CERTIFICATES_MAX>;
 pub struct Certificate {
     /// Its name in the settings.
     pub name: Name,
-    /// What it is for.
+    /// Its purpose.
     pub purpose: Purpose,
     /// The file with the certificates.
     pub file: FileName,
@@ -82,7 +82,7 @@ impl ClientRole {
         Some(role)
     }
 
-    /// Whether it is none.
+    /// Whether there is no role.
     pub fn is_none(&self) -> bool {
         self.0.first().is_none_or(|first| *first == 0)
     }

@@ -19,7 +19,7 @@ pub struct Settings {
     pub mdns: Mdns,
     /// Where the audit trail is sent.
     pub(crate) syslog: Syslogs,
-    /// Who is asked for the time.
+    /// The NTP server.
     pub(crate) ntp: NtpServers,
     /// The certificates of ports with TLS.
     pub(crate) certificates: Certificates,
@@ -35,7 +35,7 @@ pub struct Settings {
     pub points: Vec<PointSettings, POINTS_MAX>,
     /// The devices behind the EtherCAT process image, in the order of their values.
     pub slaves: Vec<SlaveSettings, SLAVES_MAX>,
-    /// Who may log in.
+    /// The users.
     pub(crate) users: Users,
 }
 
@@ -84,7 +84,7 @@ impl Settings {
         self.syslog.first()
     }
 
-    /// Who is asked for the time, if anybody.
+    /// The NTP server, if any.
     pub fn ntp(&self) -> Option<&ServerAddress> {
         self.ntp.first()
     }
@@ -141,13 +141,13 @@ impl Settings {
         self.users.iter().find(|user| user.name == name)
     }
 
-    /// The same, to be changed.
+    /// The user called `name`, mutable.
     pub(crate) fn user_mut(&mut self, name: &str) -> Option<&mut User> {
         self.users.iter_mut().find(|user| user.name == name)
     }
 
     /// Whether there is a user with a password.
-    // Without users nothing calls it.
+    // Used only with the feature `users`.
     #[cfg_attr(not(feature = "users"), allow(dead_code))]
     pub(crate) fn can_log_in(&self) -> bool {
         self.users.iter().any(|user| user.password.is_some())

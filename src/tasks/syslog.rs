@@ -70,7 +70,7 @@ async fn with_link(
         for message in loss.into_iter().chain([message(&link, &line)]) {
             let sent = with_timeout(SEND_MAX, send(&mut link, syslog.transport, &message)).await;
             if let Err(error) = sent.unwrap_or(Err(SLOW)) {
-                // The error of the previous datagram, which nobody received.
+                // The error of the previous datagram, which did not arrive.
                 let is_late = syslog.transport == Transport::Udp && error.kind == OpenErrorKind::Refused;
                 gateway.change_forwarding(|forwarding| forwarding.lost += u32::from(is_late));
                 return Err(error);

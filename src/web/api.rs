@@ -1,4 +1,4 @@
-//! The paths of the interface: who may call what. The table is the whole interface.
+//! The paths of the interface, with the role each requires. The table is the whole interface.
 
 use core::net::IpAddr;
 
@@ -26,7 +26,7 @@ use crate::gateway::web::Token;
 use crate::hal::{Store, System, Update};
 use crate::settings::{HttpSettings, Name, PortId, Role};
 
-/// What is called.
+/// The operations.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Call {
     LogIn,
@@ -39,7 +39,7 @@ pub(super) enum Call {
     Candidate(bool),
     /// What that JSON is.
     Schema,
-    /// Lines that make the candidate, or change it; the same as JSON.
+    /// Replaces or changes the candidate, by lines or by JSON.
     Replace,
     Change,
     ReplaceJson,
@@ -52,7 +52,7 @@ pub(super) enum Call {
     Direct(Ask),
     /// Only these tables.
     Tables(&'static [TableOf]),
-    /// The saved versions; one of them is made the candidate.
+    /// Lists the saved versions, or makes one the candidate.
     Versions,
     BringBack,
     Password,
@@ -68,7 +68,7 @@ pub(super) enum Call {
     Firmware,
     /// Counters for Prometheus.
     Metrics,
-    /// Takes something newer; takes back what is on trial.
+    /// Installs new firmware, or reverts firmware on trial.
     Update,
     GoBack,
 }
@@ -79,11 +79,11 @@ enum Takes {
     Nothing,
     Lines,
     Json,
-    /// New firmware, which is taken as it comes.
+    /// New firmware, processed as it arrives.
     Image,
 }
 
-/// Path, method, call, body, and the command of the console that needs the same role; none: every user may.
+/// Path, method, call, body, and the console command that needs the same role; `None`: any user.
 type Route = (&'static str, &'static str, Call, Takes, Option<&'static str>);
 
 /// Where Prometheus looks.
@@ -180,7 +180,7 @@ pub(super) struct Api<'a, 'g, S, U, Y> {
     pub(super) life: &'a Life,
 }
 
-/// Who calls.
+/// The caller.
 pub(super) struct Caller {
     pub(super) name: Name,
     pub(super) role: Role,
@@ -212,7 +212,7 @@ impl<S: Store, U: Update, Y: System> PathRouterService for Api<'_, '_, S, U, Y> 
 }
 
 impl<'a, 'g, S: Store, U: Update, Y: System> Api<'a, 'g, S, U, Y> {
-    /// The connection stays for the longest work; whoever waits for it must take what is sent.
+    /// The connection stays open for the longest work, as long as the client reads.
     pub(super) fn takes_long(&self) {
         self.life.lasts(WORK_MAX);
     }
@@ -273,7 +273,7 @@ impl<'a, 'g, S: Store, U: Update, Y: System> Api<'a, 'g, S, U, Y> {
         Answer::ok(Content::File(file, is_known))
     }
 
-    /// Finds what is called, and who calls: nobody who logs in. Or refuses.
+    /// Finds the operation and the caller, who is anonymous at log-in; or refuses.
     fn admit(
         &self,
         path: &str,
@@ -337,7 +337,7 @@ fn not_allowed<'s, 'g>(path: &str) -> Answer<'s, 'g> {
 }
 
 impl Takes {
-    /// Checks how a body comes.
+    /// Checks the body's length and type.
     fn check<'s, 'g>(self, parts: &RequestParts<'_>, length: usize) -> Result<(), Answer<'s, 'g>> {
         if parts.headers().get("transfer-encoding").is_some() {
             return Err(Answer::error(411, &"a body needs its length: Content-Length"));

@@ -30,7 +30,7 @@ use crate::settings::Name;
 const UNESCAPED_BYTES_MAX: usize = 256;
 /// Values of a write.
 pub(super) const VALUES_MAX: usize = 128;
-/// Fits the line of a request with so many values; without `long-requests`, with a quarter of them.
+/// Fits the line of a request with this many values, or a quarter of them without `long-requests`.
 pub(super) type Line = String<{ if cfg!(feature = "long-requests") { 4_096 } else { 1_024 } }>;
 /// A word of such a line.
 pub(super) type Word = String<32>;
@@ -89,7 +89,7 @@ pub(super) fn uncommitted<'s, 'g>(error: &Uncommitted) -> Answer<'s, 'g> {
 impl<'a, 'g, S: Store, U: Update, Y: System> Api<'a, 'g, S, U, Y> {
     pub(super) async fn run(&self, call: Call, caller: &Caller, body: &str) -> Answer<'a, 'g> {
         match call {
-            // The first two need no session, and an image is taken as it comes.
+            // The first two need no session, and an image is processed as it arrives.
             Call::LogIn | Call::Metrics | Call::Update => Answer::done(),
             Call::Session => {
                 let (user, role) = (Quoted(&caller.name), caller.role);
@@ -304,7 +304,7 @@ fn is_word(word: &Word) -> bool {
     !word.is_empty() && word.bytes().all(|byte| byte.is_ascii_graphic() && !b"\"#,".contains(&byte))
 }
 
-/// A line of a verb and these words; `None` if one is no word.
+/// A line of a verb and these words; `None` if one is not a word.
 pub(super) fn words(verb: &str, words: &[Option<&Word>]) -> Option<Line> {
     let mut line = Line::new();
     line.push_str(verb).ok()?;

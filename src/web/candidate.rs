@@ -1,4 +1,4 @@
-//! Lines that change the candidate, all or none.
+//! Applies lines to the candidate, all or none.
 
 use super::lines::{Lines, Untaken};
 use crate::gateway::commit::Uncommitted;
@@ -20,8 +20,8 @@ impl From<Uncommitted> for Unchanged {
     }
 }
 
-/// Changes the candidate by `lines`, or makes it of them alone if that `replaces` it; begins one where there is none.
-/// Passes on what is likely a mistake. A user who keeps the name keeps the password: nobody was shown its hash.
+/// Applies `lines` to the candidate, or to an empty one if `replaces`; begins one if necessary.
+/// Calls `warn` for likely mistakes. A user who keeps the name keeps the password, because its hash is never shown.
 pub(super) async fn change(
     gateway: &Gateway<'_>,
     lines: Lines<'_>,

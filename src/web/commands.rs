@@ -140,7 +140,7 @@ fn is_range(word: &Word) -> bool {
     word.bytes().all(|byte| byte.is_ascii_digit() || byte == b'-')
 }
 
-/// A body whose fields are no words of a line, or too many.
+/// The body has fields that are not words of a line, or too many.
 fn no_line<'s, 'g>() -> Answer<'s, 'g> {
     Answer::error(422, &"port, units, point and from are one word each")
 }

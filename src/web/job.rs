@@ -1,4 +1,4 @@
-//! Work that takes a while, whose text is sent as it comes: `scan` and `tune`, and the frames of the lines as a file.
+//! Long-running work whose output is streamed: `scan` and `tune`, and captured frames as a file.
 
 use embassy_time::{Duration, Instant, Timer};
 use embedded_io_async::{ErrorType, Write};
@@ -19,7 +19,7 @@ const FRAMES_PAUSE: Duration = Duration::from_millis(50);
 /// Longest time without a byte.
 const SIGN_OF_LIFE: Duration = Duration::from_secs(2);
 
-/// Sends what a command writes, from what it has written before on, until it ends or the connection does.
+/// Streams a command's output, including what it has written before, until it or the connection ends.
 pub(super) async fn run<W: Stream>(
     source: &Source<'_, '_>,
     running: &mut Running<'_, '_>,
@@ -50,7 +50,7 @@ pub(super) async fn frames<W: Stream>(
             told = Instant::now();
         }
         if !export.write_next(&mut out).await? {
-            // Only what is written shows that nobody reads any more.
+            // Only writing reveals that the client has stopped reading.
             if told.elapsed() >= SIGN_OF_LIFE {
                 export.write_lost(&mut out).await?;
             }

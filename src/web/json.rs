@@ -33,7 +33,7 @@ const NUMBERS: &[&str] = &["NO", "UNIT", "REQUESTS", "ANSWERS", "EXCEPTIONS", "F
 pub(super) struct Row<'w> {
     out: &'w mut dyn Write,
     heading: core::str::Split<'w, char>,
-    /// What ends the cell that is being written; before the first one there is none.
+    /// What ends the current cell; empty before the first one.
     end: Option<&'static str>,
     /// The cell has begun with something else than blanks.
     begun: bool,

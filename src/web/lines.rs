@@ -11,7 +11,7 @@ use crate::language::LineError;
 use crate::language::forms::{Shape, forms};
 use crate::settings::LINE_BYTES_MAX;
 
-/// Fits the names of all members; a longer one is none.
+/// Fits the names of all members; a longer name is unknown.
 const MEMBER_BYTES_MAX: usize = 24;
 /// Columns of all forms of a verb.
 const COLUMNS_MAX: usize = 12;

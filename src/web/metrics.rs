@@ -1,4 +1,4 @@
-//! Counters and states for Prometheus: as text (version 0.0.4), or as OpenMetrics 1.0 to whoever accepts that.
+//! Counters and states for Prometheus: as text (version 0.0.4), or as OpenMetrics 1.0 for clients that accept it.
 //!
 //! One family follows another, each with its heading and a sample for each port or unit. Counters begin again when they are cleared.
 
@@ -17,7 +17,7 @@ use crate::stats::Event;
 /// The media type of OpenMetrics.
 const OPEN: &str = "application/openmetrics-text";
 
-/// What is being written.
+/// The metric being written.
 #[derive(Clone, Copy)]
 pub(super) struct Metrics {
     is_open: bool,

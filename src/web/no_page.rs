@@ -1,6 +1,6 @@
 //! In place of the page, in images without it.
 
-/// A file of the page: there is none.
+/// A file of the page; there are none.
 pub(super) struct File {
     pub(super) kind: &'static str,
     pub(super) tag: &'static str,

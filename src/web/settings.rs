@@ -46,7 +46,7 @@ impl Written {
         }
     }
 
-    /// The same of these settings.
+    /// Writes the next piece of these settings.
     pub(super) fn next_of(&mut self, settings: &Settings, out: &mut Piece) -> Result<bool, fmt::Error> {
         let mut line = String::<LINE_BYTES_MAX>::new();
         if self.is_over {

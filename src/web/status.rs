@@ -8,7 +8,7 @@ use super::json::{Quoted, Row};
 use super::piece::{Piece, Source};
 use crate::console::access::{self, PointRow, Show};
 
-/// A table of an answer: its name there, and its rows; none: the data points.
+/// A table of a response: its name there, and its rows; `None`: the data points.
 pub(super) type TableOf = (&'static str, Option<Show>);
 
 /// The tables of the status.
@@ -48,7 +48,7 @@ impl Status {
         Self { tables, table: 0, place: 0, has_rows: false, is_over: false }
     }
 
-    /// Whether it begins with what is in no table.
+    /// Whether it begins with values outside tables.
     fn has_head(&self) -> bool {
         core::ptr::eq(self.tables, TABLES)
     }

@@ -16,7 +16,7 @@ use crate::hal::TcpStream;
 
 /// Bytes of a request: its head, and its body. A browser's head takes 1 KiB at most.
 pub(super) const REQUEST_BYTES_MAX: usize = if cfg!(feature = "long-requests") { 16 * 1_024 } else { 2_560 };
-/// Bytes read of a connection: what comes behind a request of the largest size is not read, and its sender gets an answer.
+/// Bytes read from a connection; data beyond the largest request is not read, and its sender still gets a response.
 const READ_BYTES_MAX: usize = 2 * REQUEST_BYTES_MAX;
 /// Bytes of a response's head written at a time.
 const PIECE_BYTES: usize = 256;
@@ -24,14 +24,14 @@ const PIECE_BYTES: usize = 256;
 /// The executor.
 pub(super) struct Embassy;
 
-/// How long a connection lives, and what it may send; a call may ask for more than is usual.
+/// Lifetime of a connection and limits of its data; a call may extend them.
 pub(super) struct Life {
     end: Cell<Instant>,
     /// Bytes that may still be read.
     left: Cell<usize>,
     /// Its request may take as long as the connection lives.
     takes_upload: Cell<bool>,
-    /// The gateway restarts behind it.
+    /// The gateway restarts after it.
     pub(super) restarts: Cell<bool>,
 }
 
@@ -57,7 +57,7 @@ impl Life {
         self.end.set(Instant::now() + time);
     }
 
-    /// A body of so many bytes comes, and whoever takes it watches the time.
+    /// A body of this many bytes follows; its reader enforces the time limit.
     pub(super) fn takes_upload(&self, bytes: usize) {
         self.left.set(self.left.get().saturating_add(bytes));
         self.takes_upload.set(true);
@@ -152,7 +152,7 @@ impl<'s, T: TcpStream> Socket<Embassy> for Halves<'s, T> {
         (Half(self), Half(self))
     }
 
-    /// Whoever has the stream closes it.
+    /// The stream's owner closes it.
     async fn abort<C: Timer<Embassy>>(self, _: &Timeouts, _: &C) -> Result<(), picoserve::Error<Lost>> {
         Ok(())
     }

@@ -1,4 +1,4 @@
-//! `/api/v1/update`: what runs, a new image, which is written while it comes, and the way back.
+//! `/api/v1/update`: the running version, upload of an image, which is written as it arrives, and rollback.
 
 use embassy_time::Duration;
 use picoserve::io::Read;
@@ -15,7 +15,7 @@ use crate::hal::{FirmwareState, Store, System, Update, UpdateError, Version};
 const IMAGE_BYTES_MAX: usize = 4 * 1_024 * 1_024;
 /// Bytes taken at a time.
 const CHUNK_BYTES_MAX: usize = 256;
-/// The silence after which the rest will not come. A board may take as long to erase its memory, or to check the whole.
+/// Silence after which the upload has failed. A board may take as long to erase its memory, or to check the image.
 const SILENCE_MAX: Duration = Duration::from_secs(60);
 
 /// Why an image was not taken.
@@ -55,7 +55,7 @@ impl<U: Update> Drop for Begun<'_, U> {
     }
 }
 
-/// A body as it comes.
+/// A body that is still arriving.
 struct Upload<'l, R> {
     body: R,
     /// Bytes still to come.
@@ -64,7 +64,7 @@ struct Upload<'l, R> {
 }
 
 impl<R: Read> Upload<'_, R> {
-    /// The next bytes; `None` if no more come.
+    /// The next bytes; `None` at the end.
     async fn next<'c>(&mut self, chunk: &'c mut [u8]) -> Option<&'c [u8]> {
         let count = self.body.read(chunk).await.ok().filter(|count| *count > 0)?;
         self.left = self.left.saturating_sub(count);
@@ -133,7 +133,7 @@ impl<'a, 'g, S: Store, U: Update, Y: System> Api<'a, 'g, S, U, Y> {
         }
     }
 
-    /// `DELETE /update`: a restart takes back what is on trial.
+    /// `DELETE /update`: a restart reverts firmware on trial.
     pub(super) fn go_back(&self, caller: &Caller) -> Answer<'a, 'g> {
         if self.system.firmware() != Some(FirmwareState::OnTrial) {
             return Answer::error(409, &"nothing is on trial that could be taken back");

@@ -40,7 +40,7 @@ fn drain<T>(queue: &mut PortQueue<T>) -> Vec<T> {
 }
 
 #[test]
-fn orders_of_one_asker_keep_their_order() {
+fn requests_of_one_requester_keep_their_order() {
     let mut queue = queue_of((0..10).map(|order| (order, entry(1, 1))));
     assert_eq!(drain(&mut queue), (0..10).collect::<Vec<_>>());
 }

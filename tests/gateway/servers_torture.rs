@@ -14,7 +14,7 @@ const GOOD_MIN: f64 = 35.0;
 const SHIFT: u8 = 100;
 
 #[test]
-fn random_servers_keep_no_answer_from_its_asker() {
+fn random_servers_keep_no_response_from_its_requester() {
     each_world(SEEDS, "servers_torture_good", GOOD_MIN, live);
 }
 

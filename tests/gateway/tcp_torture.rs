@@ -14,7 +14,7 @@ const SERVER: &str = "10.0.1.1:502";
 const DEVICES: u8 = 4;
 
 #[test]
-fn random_tcp_devices_keep_no_answer_from_its_asker() {
+fn random_tcp_devices_keep_no_response_from_its_requester() {
     each_world(SEEDS, "tcp_torture_good", GOOD_MIN, live);
 }
 

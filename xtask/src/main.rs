@@ -79,7 +79,7 @@ enum Task {
     /// Runs the emulated board among devices: `qemu figures` and `qemu roles` measure it, `qemu soak N` loads it
     #[command(disable_help_flag = true)]
     Qemu(Words),
-    /// Sends so many random packets at each stage of a connection by SSH to the emulated board
+    /// Sends this many random packets at each stage of an SSH connection to the emulated board
     Packets {
         #[arg(value_parser = clap::value_parser!(u64).range(1..))]
         count: u64,
@@ -95,7 +95,7 @@ enum Task {
     Counts(Words),
     /// Measures third-party gateways beside mobgate, in one run
     Peers(peers::Choice),
-    /// Asks the program by what schemathesis makes up from docs/openapi.yaml
+    /// Tests the web interface with requests that schemathesis generates from docs/openapi.yaml
     Schemathesis(schemathesis::Choice),
     /// Runs libmodbus's own test suite through the gateway
     Libmodbus,

@@ -21,7 +21,7 @@ use crate::{start, trial};
 
 /// Where a person types.
 pub trait Terminal: Read + Write {
-    /// Waits for somebody, where that can be known.
+    /// Waits for a peer, where the board can detect one.
     async fn opened(&mut self) {}
 }
 

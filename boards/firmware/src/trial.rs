@@ -118,7 +118,7 @@ async fn confirm<F: NorFlash>(
     firmware: &Mutex<NoopRawMutex, impl Firmware>,
     store: &Mutex<NoopRawMutex, FlashStore<F>>,
 ) -> Result<(), &'static str> {
-    // Nobody saves meanwhile.
+    // Settings cannot be saved meanwhile.
     let mut store = store.lock().await;
     firmware.lock().await.confirm().await.map_err(|_| "the flash failed")?;
     // What fails here is done at the next start.

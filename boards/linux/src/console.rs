@@ -74,7 +74,7 @@ pub async fn on_socket(gateway: &Gateway<'_>, sessions: &Sessions, mut listener:
     admit(sessions, &name, async || listener.accept(gateway).await).await
 }
 
-/// Accepts those who have logged in by SSH; never returns.
+/// Accepts users authenticated by SSH; never returns.
 pub async fn by_ssh(sessions: &Sessions) {
     admit(sessions, "SSH", async || Guest::by_ssh(ssh::next_entrant().await)).await
 }

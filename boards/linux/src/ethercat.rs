@@ -166,8 +166,8 @@ impl Link<'_> {
         let port = self.gateway.settings(|settings| {
             settings.ports.iter().position(|port| port.as_ref().is_some_and(|port| is_ethercat(&port.kind)))
         });
-        if let Some(place) = port.and_then(|port| self.gateway.port_state(PortId(port as u8))) {
-            place.stats.count(event);
+        if let Some(state) = port.and_then(|port| self.gateway.port_state(PortId(port as u8))) {
+            state.stats.count(event);
         }
     }
 }

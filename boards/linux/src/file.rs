@@ -30,7 +30,7 @@ pub fn read(path: &Path) -> Result<Option<Vec<u8>>, Reason> {
     read_up_to(path, TEXT_BYTES_MAX, TOO_LONG)
 }
 
-/// The same of a file with another limit, and the reason if it is longer.
+/// Reads a file with another limit; the error says if it is longer.
 pub(crate) fn read_up_to(path: &Path, bytes_max: usize, too_long: Reason) -> Result<Option<Vec<u8>>, Reason> {
     let facts = match fs::metadata(path) {
         Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),

@@ -270,7 +270,7 @@ fn check(file: &Path) -> Result<(), String> {
 
 fn run(options: Options) -> Result<End, String> {
     logging::start().map_err(|error| format!("no thread for the log: {error}"))?;
-    // Before all else: once a port is open, somebody may send a signal.
+    // First: once a port is open, signals may arrive.
     let caught = Signals::catch().map_err(|error| format!("signals cannot be caught: {error}"))?;
     let sockets = TcpSockets::default();
     let console = console::open_tcp(options.console, &sockets)?;

@@ -1,4 +1,4 @@
-//! The service manager: tells it when the gateway runs, that it goes on, and when it stops (sd_notify(3)).
+//! Reports to the service manager: ready, alive (watchdog), stopping (sd_notify(3)).
 //!
 //! Without one nothing is sent, and no timer runs.
 

@@ -23,12 +23,12 @@ pub struct FileStore {
     next: String,
     /// Overwrite the file even if it was edited.
     whatever: bool,
-    /// Who makes that version.
+    /// The author of that version.
     who: String,
     /// The versions as they were when the first one was asked for, and the text of one.
     versions: Versions,
     version: Vec<u8>,
-    /// The file's text when last applied or saved: any other text is somebody's edit.
+    /// The file's text when last applied or saved; any other text is an outside edit.
     known: Rc<RefCell<Option<Vec<u8>>>>,
 }
 

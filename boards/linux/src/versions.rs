@@ -1,4 +1,4 @@
-//! The texts that were saved last, with who saved them and when, in one file beside that of the settings.
+//! The last saved texts with author and time, in one file beside that of the settings.
 //!
 //! Each text has a header line with its length and a checksum, so that a damaged version is skipped without affecting others. The file
 //! is replaced as a whole, like that of the settings.
@@ -22,7 +22,7 @@ const TOO_LONG: Reason = "it is longer than all versions together can be";
 
 /// What a header line begins with.
 const HEAD: &str = "#@ saved ";
-/// Who changes a file that is not saved by this program, as the audit trail calls him.
+/// The author, in the audit trail, of edits made outside this program.
 const BY_OTHERS: &str = "system";
 
 const CHECK: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);

@@ -33,14 +33,14 @@ enum Host {
     Listening(u16, Option<Moment>),
 }
 
-/// Who listens, who waits to listen, and which SYNs wait for them.
+/// Listening sockets, sockets about to listen, and the SYNs that wait for them.
 pub struct Backlog {
     hosts: RefCell<[Host; SOCKETS_MAX]>,
     waiting: RefCell<Vec<Frame, WAITING_MAX>>,
 }
 
 impl Backlog {
-    /// Nobody listens.
+    /// No socket listens.
     pub const fn new() -> Self {
         let hosts = RefCell::new([const { Host::None }; SOCKETS_MAX]);
         Self { hosts, waiting: RefCell::new(Vec::new()) }

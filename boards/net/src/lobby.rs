@@ -1,4 +1,4 @@
-//! Hands connections over to tasks, each of which serves one at a time (its guest, on its seat).
+//! Hands connections over to tasks, each of which has a slot and serves one connection at a time, its guest.
 
 use core::cell::Cell;
 use core::net::IpAddr;
@@ -11,14 +11,14 @@ use mobgate::settings::PortId;
 /// Most tasks that serve sessions of SSH.
 pub const SSH_SESSIONS_MAX: usize = 8;
 
-/// Those tasks' seats, for connections of the type `C`.
+/// Those tasks' slots, for connections of the type `C`.
 pub(crate) struct Lobby<C> {
     free: Channel<NoopRawMutex, usize, SSH_SESSIONS_MAX>,
-    seats: [Seat<C>; SSH_SESSIONS_MAX],
+    slots: [Slot<C>; SSH_SESSIONS_MAX],
 }
 
-/// A task's seat.
-pub(crate) struct Seat<C> {
+/// A task's slot.
+pub(crate) struct Slot<C> {
     guest: Signal<NoopRawMutex, Guest<C>>,
     /// Which guest it is: each has another number.
     number: Cell<u32>,
@@ -39,7 +39,7 @@ enum Event {
 }
 
 /// Ends the guest's session when dropped, unless that has ended.
-struct Stay<'l, C>(&'l Seat<C>, u32);
+struct Stay<'l, C>(&'l Slot<C>, u32);
 
 impl<C> Drop for Stay<'_, C> {
     fn drop(&mut self) {
@@ -51,31 +51,31 @@ impl<C> Drop for Stay<'_, C> {
 
 impl<C> Lobby<C> {
     pub(crate) const fn new() -> Self {
-        let seats = [const {
-            Seat { guest: Signal::new(), number: Cell::new(0), event: Signal::new(), leave: Signal::new() }
+        let slots = [const {
+            Slot { guest: Signal::new(), number: Cell::new(0), event: Signal::new(), leave: Signal::new() }
         }; _];
-        Self { free: Channel::new(), seats }
+        Self { free: Channel::new(), slots }
     }
 
-    /// The seat of the task with this number, if there is one.
-    pub(crate) fn seat(&self, task: usize) -> Option<&Seat<C>> {
-        self.seats.get(task)
+    /// The slot of the task with this number, if there is one.
+    pub(crate) fn slot(&self, task: usize) -> Option<&Slot<C>> {
+        self.slots.get(task)
     }
 
-    /// Waits until a task is free. Its seat must be taken at once.
-    pub(crate) async fn free_seat(&self) -> Option<&Seat<C>> {
-        self.seat(self.free.receive().await)
+    /// Waits until a task is free. Its slot must be taken at once.
+    pub(crate) async fn free_slot(&self) -> Option<&Slot<C>> {
+        self.slot(self.free.receive().await)
     }
 
     /// Waits for the next guest of the task with this number.
     pub(crate) async fn next(&self, task: usize) -> Option<Guest<C>> {
-        let seat = self.seat(task)?;
+        let slot = self.slot(task)?;
         self.free.send(task).await;
-        Some(seat.guest.wait().await)
+        Some(slot.guest.wait().await)
     }
 }
 
-impl<C> Seat<C> {
+impl<C> Slot<C> {
     /// Lets the task serve `guest` until the end. Dropping the future is the session's end.
     pub(crate) async fn take(&self, guest: Guest<C>, logged_in: &dyn Fn()) {
         self.leave.reset();
@@ -87,7 +87,7 @@ impl<C> Seat<C> {
         }
     }
 
-    /// Somebody has logged in.
+    /// A user has logged in.
     pub(crate) fn logged_in(&self) {
         self.event.signal(Event::LoggedIn);
     }

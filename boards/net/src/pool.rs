@@ -26,7 +26,7 @@ pub struct Sockets {
     /// The first buffer; the others follow.
     buffers: NonNull<u8>,
     buffer_bytes: usize,
-    /// A bit for each buffer that nobody has.
+    /// A bit for each free buffer.
     free: Cell<u32>,
     /// Dropped connections, whose peers are still to be told, by the numbers of their buffers.
     dropped: RefCell<[Option<TcpSocket<'static>>; SOCKETS_MAX]>,

@@ -22,13 +22,13 @@ impl Sockets {
         task: usize,
         mut serve: impl AsyncFnMut(&mut TcpStream, PortId, IpAddr, &dyn Fn()),
     ) {
-        let Some(seat) = self.lobby.seat(task) else { return };
+        let Some(slot) = self.lobby.slot(task) else { return };
         while let Some(guest) = self.lobby.next(task).await {
             let mut stream = TcpStream::new(guest.connection);
-            let logged_in = || seat.logged_in();
-            select(seat.leave(), serve(&mut stream, guest.port, guest.peer, &logged_in)).await;
+            let logged_in = || slot.logged_in();
+            select(slot.leave(), serve(&mut stream, guest.port, guest.peer, &logged_in)).await;
             stream.close().await;
-            seat.is_left();
+            slot.is_left();
         }
     }
 }

@@ -22,7 +22,7 @@ const SYN: u8 = 1 << 1;
 const RST: u8 = 1 << 2;
 const ACK: u8 = 1 << 4;
 
-/// Who asks for a connection, and what to.
+/// Source and destination of a connection request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Syn {
     from: SocketAddrV4,
@@ -30,7 +30,7 @@ pub(crate) struct Syn {
 }
 
 impl Syn {
-    /// The SYN in an Ethernet frame. One with IP options is not recognised: nobody sends them.
+    /// The SYN in an Ethernet frame. SYNs with IP options are not recognised; no common stack sends them.
     pub(crate) fn of(frame: &[u8]) -> Option<Self> {
         let head = frame.first_chunk::<{ FLAGS + 1 }>()?;
         let two = |at: usize| u16::from_be_bytes([head[at], head[at + 1]]);

@@ -126,9 +126,9 @@ impl hal::TcpStream for TcpStream {
     async fn serve_ssh(&mut self, port: mobgate::settings::PortId, peer: SocketAddr, logged_in: &dyn Fn()) {
         let Some(sockets) = self.0.as_ref().map(PooledTcp::sockets) else { return };
         // The connection stays here, and is ended in order, until it is taken over.
-        let Some(seat) = sockets.lobby.free_seat().await else { return };
+        let Some(slot) = sockets.lobby.free_slot().await else { return };
         if let Some(connection) = self.0.take() {
-            seat.take(Guest { connection, port, peer: peer.ip() }, logged_in).await;
+            slot.take(Guest { connection, port, peer: peer.ip() }, logged_in).await;
         }
     }
 

@@ -74,7 +74,7 @@ enum Decision {
     Question,
 }
 
-/// Who decides.
+/// Decides about log-ins.
 pub(crate) struct Judge<'j, 'g, Y> {
     pub(crate) gateway: &'j Gateway<'g>,
     pub(crate) system: &'j Y,
@@ -172,7 +172,7 @@ impl<Y: System> Judge<'_, '_, Y> {
 }
 
 impl<S: Read + Write> Link<'_, S> {
-    /// Lets somebody log in; returns who did.
+    /// Authenticates a client; returns the user.
     pub(crate) async fn log_in<Y: System>(&mut self, judge: &Judge<'_, '_, Y>) -> Result<UserName, Error> {
         // A client offers all the keys that it has, which counts once.
         let mut key_refused = false;

@@ -28,7 +28,7 @@ const IDLE_MAX: Duration = Duration::from_secs(30 * 60);
 /// Time for a client to close the channel after the exit status, and for the disconnect message.
 const CLOSE_MAX: Duration = Duration::from_secs(2);
 
-/// Who has connected, and at which port of the settings.
+/// The peer, and the configured port it connected to.
 #[derive(Debug, Clone, Copy)]
 pub struct Visit {
     /// The client's address.

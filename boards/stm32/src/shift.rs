@@ -74,7 +74,7 @@ pub(crate) struct Shift {
     unread: AtomicU16,
     handed: AtomicU16,
     stored: AtomicU16,
-    /// So many unread characters wake the reader.
+    /// Unread characters that wake the reader.
     needed: AtomicU16,
     /// The relay of what this line receives.
     pub(crate) relaying: Relaying,

@@ -180,7 +180,7 @@ impl<M: RawMutex, F: NorFlash, const PAGE: usize, const STATE_PAGE: usize> Updat
 struct Pending<'f>(&'f mut Option<File>);
 
 impl Pending<'_> {
-    /// The file goes on.
+    /// More of the file follows.
     fn keep(self) {
         core::mem::forget(self);
     }

@@ -51,13 +51,13 @@ fn screen(gateway: &Gateway<'_>, keys: &str) -> Vec<String> {
 fn busy(gateway: &Gateway<'_>) {
     pipe(gateway, SETTINGS);
     pipe(gateway, "port P3 serial /dev/serial/by-id/usb-FTDI_FT232R rtu client\n");
-    let place = gateway.port_state(PortId(0)).unwrap();
+    let state = gateway.port_state(PortId(0)).unwrap();
     let now = embassy_time::Instant::now();
-    Event::ALL.iter().for_each(|event| place.stats.count(*event));
+    Event::ALL.iter().for_each(|event| state.stats.count(*event));
     for _ in 0..1_000 {
-        place.units(|units| units.asked(247));
+        state.units(|units| units.asked(247));
     }
-    place.units(|units| units.timed_out(247, now, 1));
+    state.units(|units| units.timed_out(247, now, 1));
     push_exception(gateway, now);
 }
 

@@ -16,14 +16,14 @@ pub struct AuditLine {
     pub number: u32,
     /// When it was written.
     pub stamp: Stamp,
-    /// What it is about.
+    /// Its topic.
     pub topic: Topic,
     /// Who, a tab, and what.
     pub text: String<AUDIT_BYTES_MAX>,
 }
 
 impl AuditLine {
-    /// Who is behind it.
+    /// Its actor.
     pub fn actor(&self) -> &str {
         self.text.split_once('\t').map_or("", |(actor, _)| actor)
     }

@@ -1,7 +1,7 @@
 //! Lines of the audit trail in a ring of bytes, since most lines are short: pure, with time as a value.
 //!
 //! The memory may be one that a reset leaves alone. Each line has a check sum, and a line is written before it is counted in: whatever
-//! happens between two instructions, the lines of before are whole.
+//! happens between two instructions, earlier lines stay intact.
 
 use core::cell::Cell;
 
@@ -36,7 +36,7 @@ impl Entry {
     }
 }
 
-/// The newest lines that fit `N` bytes, oldest first. Any content is valid, but only [`resume`](Self::resume) knows what to make of it.
+/// The newest lines that fit `N` bytes, oldest first. Any content is valid; [`resume`](Self::resume) must run first.
 #[repr(C)]
 pub(super) struct Ring<const N: usize> {
     /// Where the oldest line begins, times 2^16, and the length of all lines: one word, which is written at once.
@@ -50,7 +50,7 @@ impl<const N: usize> Ring<N> {
         Self { span: Cell::new(0), bytes: [const { Cell::new(0) }; N] }
     }
 
-    /// Keeps the lines of before a reset that are whole and in order, and forgets the others. Returns the number of the last one.
+    /// Keeps the intact, ordered lines from before a reset, and drops the others. Returns the number of the last one.
     pub(super) fn resume(&self) -> u32 {
         let (start, length) = self.span();
         let (mut whole, mut last) = (0, 0);
@@ -236,7 +236,7 @@ mod tests {
         assert_eq!(lines(&ring).last(), Some(&(third.number, "and on".into())));
     }
 
-    /// What memory has after power-up.
+    /// Memory contents after power-up.
     #[test]
     fn random_memory_has_no_lines() {
         let mut seed = 0x2545_f491_4f6c_dd1d_u64;

@@ -10,7 +10,7 @@ use super::trail::Trail;
 use crate::gateway::port_state::Status;
 use crate::gateway::shared::Shared;
 
-/// The trail without its lines, and who is told of new ones.
+/// The trail without its lines, and the task notified of new ones.
 pub(in crate::gateway) struct Audit {
     pub(super) trail: Shared<Trail>,
     /// A line for the syslog server.
@@ -21,12 +21,12 @@ pub(in crate::gateway) struct Audit {
     pub(super) forwarding: Shared<Forwarding>,
 }
 
-/// How forwarding to a syslog server does.
+/// The state of forwarding to a syslog server.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Forwarding {
     /// The number of the last line that was sent.
     pub sent: u32,
-    /// Lines that the server never got: pushed out before they could be sent, or lost on the way as far as known.
+    /// Lines that never reached the server: overwritten before they were sent, or known to be lost.
     pub lost: u32,
     /// The connection to the server.
     pub status: Status,

@@ -1,4 +1,4 @@
-//! What lines of the audit trail are about, and who is behind them.
+//! Topics of audit lines, and the actors that cause them.
 
 use core::fmt;
 use core::net::IpAddr;
@@ -17,21 +17,21 @@ pub enum Topic {
     Save,
     /// A command that changes something else, such as a write to a device.
     Command,
-    /// Somebody has logged in, or a console was opened or left.
+    /// A user logged in, or a console was opened or closed.
     LogIn,
     /// New firmware.
     Update,
     /// A name or a password was wrong.
     LogInFailed,
-    /// Somebody may not connect, or there was no room.
+    /// A peer may not connect, or there was no room.
     RefusedClient,
     /// A rule forbids a write.
     DeniedWrite,
     /// A role forbids a command.
     DeniedCommand,
-    /// A connection was closed for a newcomer.
+    /// A connection was closed to make room for another.
     Displaced,
-    /// A unit went down, or came back.
+    /// A unit went down or recovered.
     Unit,
 }
 
@@ -46,12 +46,12 @@ impl Topic {
         Self::VARIANTS.get(usize::from(number)).copied()
     }
 
-    /// Whether others than users can cause it as often as they like.
+    /// Whether unauthenticated peers can cause it without limit.
     pub fn is_refusal(self) -> bool {
         self as u8 >= Self::LogInFailed as u8
     }
 
-    /// How many events in an interval get a line of their own; the others are counted.
+    /// Events per interval that get their own line; the others are counted.
     pub(super) const fn told_max(self) -> u32 {
         match self {
             Self::DeniedWrite => 1,
@@ -92,7 +92,7 @@ pub enum Actor<'a> {
     Peer(IpAddr),
     /// The EtherCAT MainDevice.
     Ethercat,
-    /// Who starts and stops the gateway, and edits its file.
+    /// The operating system's side: starts, stops, and edits of the file.
     System,
 }
 

@@ -10,13 +10,13 @@ use super::stamp::Stamp;
 use super::topic::Topic;
 use crate::settings::{AUDIT, PORTS_MAX, PortId};
 
-/// Repeated refusals are counted for this time, then told by their number.
+/// Interval over which repeated refusals are counted, then reported as a number.
 pub const COUNTED_FOR: Duration = Duration::from_secs(60);
 
-/// Topics and ports that are counted at a time: more than there are ports and topics of theirs, and consoles.
+/// Tallies kept at a time: more than all combinations of ports, consoles and their topics.
 const TALLIES_MAX: usize = if AUDIT { 4 * PORTS_MAX + 4 } else { 0 };
 
-/// Refusals of one kind, of which the first are told and the others counted.
+/// Refusals of one kind: the first are reported, the others counted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Tally {
     pub(super) topic: Topic,
@@ -32,7 +32,7 @@ pub(super) struct Tally {
 pub(crate) struct Trail {
     /// The number of the last line.
     number: u32,
-    /// Of the last line of earlier runs.
+    /// The number of the last line of earlier runs.
     earlier: u32,
     tallies: Vec<Tally, TALLIES_MAX>,
 }
@@ -42,7 +42,7 @@ impl Trail {
         Self { number: 0, earlier: 0, tallies: Vec::new() }
     }
 
-    /// Goes on behind the lines of earlier runs.
+    /// Continues the numbering of earlier runs.
     pub(super) fn resume(&mut self, rings: &Rings) {
         self.earlier = rings.resume();
         self.number = self.earlier;
@@ -94,7 +94,7 @@ impl Trail {
         self.tallies.retain(|tally| !is_over(tally) || tally.counted > 0);
         let over = self.tallies.iter_mut().find(|tally| is_over(tally))?;
         let due = *over;
-        // A flood that goes on gets one line in an interval.
+        // An ongoing flood gets one line per interval.
         (over.began, over.counted) = (now, 0);
         Some(due)
     }

@@ -1,4 +1,4 @@
-//! What is known of the time of day.
+//! The state of the calendar.
 
 use core::cell::RefCell;
 
@@ -24,12 +24,12 @@ impl Calendar {
     }
 }
 
-/// What is known of the time, and from whom.
+/// The known time, and its source.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct TimeState {
     /// When this run began.
     pub(super) start: Option<Date>,
-    /// The server that it is from.
+    /// The server that supplied it.
     pub(super) source: Option<ServerAddress>,
     /// Why the last request failed.
     pub(super) fault: Option<OpenError>,

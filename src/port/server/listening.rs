@@ -1,4 +1,4 @@
-//! Reports whether a network server listens, or why it cannot, and whom it refuses.
+//! Reports whether a network server listens, or why it cannot, and which peers it refuses.
 
 use core::net::{IpAddr, SocketAddr};
 

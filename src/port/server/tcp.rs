@@ -162,18 +162,18 @@ impl Server<'_, '_> {
         let Some((marked, clients, reserved, refuses)) = terms else { return refused(End::Unwelcome) };
         let generation = self.connection.update(|connection| {
             let (port, generation) = (connection.port, connection.generation.wrapping_add(1));
-            let came = ConnectionState { since: now, last_request: now, ..ConnectionState::EMPTY };
-            *connection = ConnectionState { port, peer: Some(peer), role, marked, generation, ..came };
+            let fresh = ConnectionState { since: now, last_request: now, ..ConnectionState::EMPTY };
+            *connection = ConnectionState { port, peer: Some(peer), role, marked, generation, ..fresh };
             generation
         });
-        let (mut seated, mut ordinary) = (0, 0);
+        let (mut connected, mut ordinary) = (0, 0);
         let mut idle: Option<(&Connection, Instant)> = None;
         for connection in self.gateway.connections() {
             let state = connection.state();
             if state.port != Some(self.id) || state.peer.is_none() || state.leaving {
                 continue;
             }
-            seated += 1;
+            connected += 1;
             if state.marked {
                 continue;
             }
@@ -184,7 +184,7 @@ impl Server<'_, '_> {
             }
         }
         let ordinary_max = clients.saturating_sub(reserved);
-        if seated > clients || (!marked && ordinary > ordinary_max) {
+        if connected > clients || (!marked && ordinary > ordinary_max) {
             let Some((connection, _)) = idle.filter(|_| !refuses) else { return refused(End::Crowded) };
             let left = connection.update(|connection| {
                 connection.leaving = true;

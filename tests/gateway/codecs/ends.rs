@@ -190,7 +190,7 @@ fn what_changes_something_may_be_broadcast_and_what_wants_an_answer_may_not() {
 }
 
 #[test]
-fn an_answer_of_its_own_is_known_for_writes_that_are_repeated_to_the_asker() {
+fn an_answer_of_its_own_is_known_for_writes_that_are_repeated_to_the_requester() {
     for function in 0..=255 {
         let request = [function, 1, 2, 3, 4, 5, 6, 7, 8];
         let repeated = match function {

@@ -11,7 +11,7 @@ use crate::words::number;
 impl Stage<'_, '_, '_> {
     /// Acts on the point called `name`.
     pub(super) fn point(&self, name: &str, what: &[&str]) -> Result<(), String> {
-        let place = self.scanner()?;
+        let state = self.scanner()?;
         let (id, point) = self
             .rig
             .gateway
@@ -23,21 +23,21 @@ impl Stage<'_, '_, '_> {
         let now = Instant::now();
         let done = match what {
             ["is", status @ ..] => {
-                let is = place.with(|scanner| scanner.status(id, now));
+                let is = state.with(|scanner| scanner.status(id, now));
                 return equal("the status", is.to_string(), status.join(" "));
             }
             ["holds", values @ ..] => {
-                let is = place.with(|scanner| shown(&point, scanner.input(id)));
+                let is = state.with(|scanner| shown(&point, scanner.input(id)));
                 return equal("the values", is, values.join(" "));
             }
-            [":", "read"] => place.change(|scanner| scanner.read(id, now)),
-            [":", "write"] => place.change(|scanner| scanner.write(id)),
+            [":", "read"] => state.change(|scanner| scanner.read(id, now)),
+            [":", "write"] => state.change(|scanner| scanner.write(id)),
             [":", "write", values @ ..] => {
                 let cells = cells(&point, values)?;
-                place.change(|scanner| scanner.put(id, 0, point.count * point.value.registers(), &cells, now))
+                state.change(|scanner| scanner.put(id, 0, point.count * point.value.registers(), &cells, now))
             }
-            [":", "begin"] => place.change(|scanner| scanner.begin(id, now)),
-            [":", "finish"] => place.change(|scanner| scanner.finish(id)),
+            [":", "begin"] => state.change(|scanner| scanner.begin(id, now)),
+            [":", "finish"] => state.change(|scanner| scanner.finish(id)),
             _ => {
                 return Err(
                     "a point is something, holds values, or is read, written, begun or finished".into()

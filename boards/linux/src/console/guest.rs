@@ -26,7 +26,7 @@ pub struct Guest {
     stream: Stream,
     pub(super) who: String,
     pub(super) hello: Hello,
-    /// Who has logged in before.
+    /// The authenticated user.
     pub(super) user: Option<Who>,
 }
 
@@ -48,7 +48,7 @@ impl Guest {
         Ok(Self { stream, who: peer.to_string(), hello: Hello::None, user: None })
     }
 
-    /// Somebody who has logged in by SSH.
+    /// A user authenticated by SSH.
     pub(super) fn by_ssh(Entrant { stream, who: user, edits }: Entrant) -> io::Result<Self> {
         let hello = if edits { Hello::Terminal } else { Hello::Lines };
         let stream = Stream::Local(Descriptor::new(stream)?);

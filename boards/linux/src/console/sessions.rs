@@ -51,7 +51,7 @@ enum End {
 }
 
 impl Sessions {
-    /// So many slots.
+    /// A fixed number of slots.
     pub fn new(count: usize) -> Self {
         Self { slots: (0..count).map(|_| Slot::default()).collect(), idle_max: IDLE_MAX }
     }

@@ -135,7 +135,7 @@ fn make_own(folder: &Path) -> io::Result<()> {
     }
 }
 
-/// Whether nobody else can create files in the folder. Only root can create the system's.
+/// Whether only this user can create files in the folder. Only root can create the system's.
 fn is_safe(folder: &Path) -> io::Result<()> {
     let facts = fs::symlink_metadata(folder)?;
     let is_own = facts.is_dir() && facts.uid() == geteuid().as_raw() && facts.mode() & 0o022 == 0;

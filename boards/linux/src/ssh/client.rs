@@ -17,7 +17,7 @@ use crate::passwords;
 /// The state of a connection.
 pub(super) struct Client {
     gateway: &'static Gateway<'static>,
-    /// Who has logged in.
+    /// The authenticated user.
     who: Who,
     news: News,
     is_in: Arc<AtomicBool>,

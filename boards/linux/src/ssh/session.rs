@@ -23,7 +23,7 @@ use crate::file::TEXT_BYTES_MAX;
 /// console's output, and a console that cannot write does not read.
 const INPUT_BYTES_MAX: usize = 4 * TEXT_BYTES_MAX;
 
-/// Who has logged in, and from where.
+/// The authenticated user and the peer's address.
 #[derive(Debug, Clone)]
 pub struct Who {
     pub(crate) user: String,
@@ -32,7 +32,7 @@ pub struct Who {
     pub(crate) port: PortId,
 }
 
-/// Somebody who has logged in, on the way to the console.
+/// An authenticated user, on the way to the console.
 #[derive(Debug)]
 pub struct Entrant {
     /// The console's end.

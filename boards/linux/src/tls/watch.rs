@@ -64,7 +64,7 @@ fn validity(facts: &Facts, now: SystemTime) -> String {
     }
 }
 
-/// Writes until when `certificate` is valid, whose it is, its issuer, and what is wrong with it, with tabs between.
+/// Writes the expiry date, subject, issuer and state of `certificate`, separated by tabs.
 pub fn write(certificate: &Certificate, out: &mut dyn fmt::Write) -> fmt::Result {
     match look(certificate, calendar::now()) {
         Ok((Facts { subject, issuer, not_after, .. }, state)) => {

@@ -180,7 +180,7 @@ pub(super) fn any_tcp_server(n: usize) -> impl Strategy<Value = PortKind> {
 }
 
 /// With the certificates of [`any_settings`](super::any::any_settings), of which the one with the number `trust` is for this side.
-#[cfg(feature = "tls")] // Images without TLS have no word of it; also below.
+#[cfg(feature = "tls")] // Left out of images without TLS; also below.
 fn any_tls(trust: usize) -> impl Strategy<Value = TlsSettings> {
     let name = |nth: usize| Name::try_from(format!("user.{nth}").as_str()).unwrap();
     (any::<bool>(), any::<bool>(), any::<bool>()).prop_map(move |(on, certificate, trusts)| TlsSettings {

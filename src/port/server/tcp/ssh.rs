@@ -1,4 +1,4 @@
-//! A client of an SSH server: the board serves it, and tells when somebody has logged in.
+//! A client of an SSH server: the board serves it, and reports the log-in.
 
 use core::net::SocketAddr;
 

@@ -181,13 +181,15 @@ impl Unit {
         }
     }
 
-    /// Backs off: the pause to the next probe or proof grows.
+    /// Pauses before the next proof; if the unit is down, before the next probe, ever longer.
     pub(super) fn back_off(&mut self, now: Instant) {
-        let doubled = self.tried.min(8);
-        self.tried = self.tried.saturating_add(1);
-        // A single lost response does not mean that the unit is down: begin with a short pause.
-        let first = if self.is_down { PROBE_FIRST } else { LATE_PAUSE };
-        self.held_until = now + (first * (1 << doubled)).min(PROBE_LONGEST);
+        // A lost response or two do not mean that the unit is down: a client that waits for a second still gets its exception.
+        let mut pause = LATE_PAUSE;
+        if self.is_down {
+            pause = (PROBE_FIRST * (1 << self.tried.min(8))).min(PROBE_LONGEST);
+            self.tried = self.tried.saturating_add(1);
+        }
+        self.held_until = now + pause;
     }
 
     pub(super) fn alive(&mut self) {

@@ -179,15 +179,9 @@ fn write_files(board: &str) -> Outcome {
 /// An image without EtherCAT, and with users and the audit trail.
 pub(crate) const WITH_USERS: [&str; 2] = ["--no-default-features", "--features=users"];
 
-/// The same, and with the web interface.
-const WITH_WEB: [&str; 2] = ["--no-default-features", "--features=web"];
-
 /// Builds the images of a board: first those without EtherCAT, which are kept beside the other.
 pub(crate) fn build_all(board: &str) -> Outcome {
-    let has_web = tools::read(format!("boards/{board}/Cargo.toml"))?.contains("\nweb = ");
-    let web = has_web.then_some((&WITH_WEB[..], "-with-web"));
-    let smaller = [(&WITH_USERS[..], "-with-users"), (&WITH_USERS[..1], "-without-ethercat")];
-    for (arguments, behind) in web.into_iter().chain(smaller) {
+    for (arguments, behind) in [(&WITH_USERS[..], "-with-users"), (&WITH_USERS[..1], "-without-ethercat")] {
         run(board, "build", &arguments.iter().map(|&word| word.into()).collect::<Vec<_>>())?;
         let image = image(board)?;
         let mut kept = image.clone().into_os_string();

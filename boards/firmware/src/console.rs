@@ -91,10 +91,5 @@ async fn serve(
         let guests = pin!(crate::ssh::serve(board, &flash, updater));
         embassy_futures::join::join(guests, sessions).await.1
     };
-    #[cfg(feature = "web")] // As above.
-    let sessions = async {
-        let browsers = pin!(crate::web::serve(board, &flash, updater));
-        embassy_futures::join::join(browsers, sessions).await.1
-    };
     embassy_futures::join::join(trial, sessions).await.1
 }

@@ -22,8 +22,6 @@ pub const PORTS: usize = if cfg!(feature = "eight-clients") { 6 } else { 8 };
 pub const CONNECTIONS: usize = if cfg!(feature = "eight-clients") { 9 } else { 17 };
 /// Most outgoing connections and UDP servers, together.
 pub const CONNECTIONS_OUT: usize = 4;
-/// Connections of the web interface: as many as it has, in an image with it.
-pub const WEB_CONNECTIONS: usize = if cfg!(feature = "web") { 8 } else { 0 };
 /// One frame for each connection and each port.
 const RESERVED: usize = CONNECTIONS + PORTS;
 /// And some for clients that pipeline requests.
@@ -37,9 +35,6 @@ static CONNECTION_STATES: StaticCell<[Connection; CONNECTIONS]> = StaticCell::ne
 // Images without it are smaller, see Cargo.toml.
 #[cfg(feature = "ethercat")]
 static CAPTURE: mobgate::capture::Capture = mobgate::capture::Capture::new();
-/// The settings that are being changed, or those to go back to. Initialised at run time, as above.
-#[cfg(feature = "web")] // Only the web interface changes it.
-static CANDIDATE: StaticCell<mobgate::gateway::Candidate> = StaticCell::new();
 /// Initialised at run time: a static containing a pointer would be copied from the flash as a whole.
 static GATEWAY: OnceLock<Gateway<'static>> = OnceLock::new();
 
@@ -51,8 +46,6 @@ pub fn gateway() -> &'static Gateway<'static> {
         // Images without it are smaller, see Cargo.toml.
         #[cfg(feature = "audit")]
         let gateway = gateway.with_audit(mobgate_faults::audit_memory());
-        #[cfg(feature = "web")] // As above.
-        let gateway = gateway.with_candidate(CANDIDATE.init_with(mobgate::gateway::Candidate::new));
         #[cfg(feature = "ethercat")] // As above.
         let gateway = crate::states::join(gateway).with_capture(&CAPTURE);
         gateway

@@ -2,8 +2,7 @@
 //!
 //! * [`gateway`]: the gateway's statics and tasks; [`lines`]: the table of lines, which ports open by name.
 //! * [`network`]: the stack on the board's Ethernet and its sockets.
-//! * [`console`]: the console over any terminal, `ssh`: and by network; `web`: the web interface; [`start`]: the settings at start-up, and
-//!   the factory reset.
+//! * [`console`]: the console over any terminal, `ssh`: and by network; [`start`]: the settings at start-up, and the factory reset.
 //! * [`system`]: the console's interface to the board; [`watchdog`]: whether it may be fed, shown by the [`lights`]; [`trial`]: whether new
 //!   firmware stays; `waiting`: what the next restart starts.
 #![no_std]
@@ -27,6 +26,3 @@ pub mod trial;
 #[cfg(feature = "ethercat")]
 mod waiting;
 pub mod watchdog;
-// As its feature.
-#[cfg(feature = "web")]
-mod web;

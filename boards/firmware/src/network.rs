@@ -10,11 +10,11 @@ use mobgate::settings::OwnNetwork;
 use mobgate_net::{Backlog, Queued, STACK_SOCKETS, Sockets, address, mdns};
 use static_cell::{ConstStaticCell, StaticCell};
 
-use crate::gateway::{CONNECTIONS, CONNECTIONS_OUT, LIVENESS, Task, WEB_CONNECTIONS, gateway};
+use crate::gateway::{CONNECTIONS, CONNECTIONS_OUT, LIVENESS, Task, gateway};
 pub use crate::sockets::Network;
 
 /// Open sockets: incoming and outgoing connections, and UDP.
-const SOCKETS: usize = CONNECTIONS + CONNECTIONS_OUT + WEB_CONNECTIONS;
+const SOCKETS: usize = CONNECTIONS + CONNECTIONS_OUT;
 /// The longest Modbus TCP frame for each direction.
 const SOCKET_BYTES: usize = 2 * 260;
 

@@ -10,8 +10,6 @@
 //! Caches: the instruction cache is on, the Cortex-M7's data cache is always off, so the program sees what DMA and Ethernet write,
 //! in every memory.
 #![no_std]
-// The console's task holds the connections of the web interface: futures within futures, whose layout is deeper than the usual limit.
-#![recursion_limit = "256"]
 
 mod clock;
 // Images without it are smaller, see Cargo.toml.

@@ -20,8 +20,6 @@ pub(crate) enum Variant {
     Smaller,
     /// Without, and with users and the audit trail.
     Users,
-    /// The same, and with the web interface.
-    Web,
 }
 
 /// A board: its name as `cargo xtask board` knows it, and its chip.
@@ -106,12 +104,6 @@ impl Board {
     #[must_use]
     pub const fn with_users(self) -> Self {
         Self { image: Variant::Users, ..self }
-    }
-
-    /// The same board with the image that has the web interface.
-    #[must_use]
-    pub const fn with_web(self) -> Self {
-        Self { image: Variant::Web, ..self }
     }
 
     /// Length of that part of the flash from which instructions are executed.

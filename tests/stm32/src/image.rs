@@ -66,7 +66,6 @@ impl Image {
             Variant::Ethercat => "",
             Variant::Smaller => "-without-ethercat",
             Variant::Users => "-with-users",
-            Variant::Web => "-with-web",
         };
         let (mut program, boot) = (read(program)?, read("-boot")?);
         program.segments.extend(boot.segments);

@@ -1,5 +1,5 @@
-//! A station at the other end of the board's Ethernet cable: a TCP/IP stack with clients of Modbus TCP and of other protocols, and servers
-//! of datagrams, on the board's clock.
+//! A station at the other end of the board's Ethernet cable: a TCP/IP stack with Modbus TCP clients and servers of datagrams, on the
+//! board's clock.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -174,18 +174,6 @@ impl Network {
     /// Whether bytes can be sent.
     pub fn is_open(&self, client: Client) -> bool {
         self.sockets.get::<tcp::Socket<'_>>(client.socket).may_send()
-    }
-
-    /// Sends what there is room for; returns how many bytes that were.
-    pub fn send_bytes(&mut self, client: Client, bytes: &[u8]) -> usize {
-        self.sockets.get_mut::<tcp::Socket<'_>>(client.socket).send_slice(bytes).unwrap_or_default()
-    }
-
-    /// What has come; `None` if the board has closed the connection and there was no more.
-    pub fn receive_bytes(&mut self, client: Client) -> Option<Vec<u8>> {
-        let socket = self.sockets.get_mut::<tcp::Socket<'_>>(client.socket);
-        let received = socket.recv(|bytes| (bytes.len(), bytes.to_vec())).unwrap_or_default();
-        (!received.is_empty() || socket.may_recv()).then_some(received)
     }
 
     /// Sends a Modbus TCP request.

@@ -24,16 +24,11 @@ mod settings;
 mod update_file;
 mod updates;
 mod users;
-mod web;
 mod without_ethercat;
 mod ymodem;
 
-/// Makes a test of each function for each board, or `but f429zi`, which has not the memory for all images.
+/// Makes a test of each function for each board.
 macro_rules! on_each_board {
-    (but f429zi: $($test:ident),* $(,)?) => {
-        on_each_board!(@ f767zi, NUCLEO_F767ZI, $($test),*);
-        on_each_board!(@ h743zi, NUCLEO_H743ZI, $($test),*);
-    };
     ($($test:ident),* $(,)?) => {
         on_each_board!(@ f429zi, NUCLEO_F429ZI, $($test),*);
         on_each_board!(@ f767zi, NUCLEO_F767ZI, $($test),*);

@@ -1,13 +1,13 @@
 //! One store for several consoles: a save locks it until it ends.
 
-use core::fmt::{self, Write};
+use core::fmt;
 
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_sync::mutex::{Mutex, MutexGuard};
 use embedded_storage_async::nor_flash::NorFlash;
 use mobgate::hal::{Store, StoreError};
 
-use crate::store::{FlashStore, SECRET_BYTES, Who};
+use crate::store::{FlashStore, SECRET_BYTES, Who, who};
 
 /// A console's handle of the store. Dropping it during a save discards the unfinished version.
 pub struct SharedStore<'a, M: RawMutex, F: NorFlash> {
@@ -76,9 +76,7 @@ impl<M: RawMutex, F: NorFlash> Store for SharedStore<'_, M, F> {
     }
 
     fn sign(&mut self, who: &dyn fmt::Display) {
-        self.who = Who::new();
-        // See `Who`.
-        let _ = write!(self.who, "{who}");
+        self.who = self::who(who);
     }
 
     /// While somebody saves there is none.

@@ -26,7 +26,7 @@ mod versions;
 mod secret;
 
 pub use self::secret::SECRET_BYTES;
-pub(crate) use self::versions::Who;
+pub(crate) use self::versions::{Who, who};
 use self::versions::{VERSION_BYTES_MAX, Versions};
 
 /// Longest text: room for the network, all ports and all rules as lines of full length. The other lines share it; a longer text

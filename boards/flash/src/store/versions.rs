@@ -14,6 +14,15 @@ use crate::head::{HEAD_BYTES, Head};
 /// Who saves: a name with an address. What does not fit is left out.
 pub(crate) type Who = String<WHO_BYTES_MAX>;
 const WHO_BYTES_MAX: usize = 52;
+
+/// Who saves, in words.
+pub(crate) fn who(who: &dyn fmt::Display) -> Who {
+    let mut words = Who::new();
+    // See `Who`.
+    let _ = write!(words, "{who}");
+    words
+}
+
 /// Bytes of a copy's item: its head, and who saved it.
 pub(super) const VERSION_BYTES_MAX: usize = HEAD_BYTES + WHO_BYTES_MAX;
 /// The key of the first copy's item; that of the other one is the next lower one.
@@ -32,9 +41,7 @@ impl Versions {
     }
 
     pub(super) fn sign(&mut self, who: &dyn fmt::Display) {
-        self.signed.clear();
-        // See `Who`.
-        let _ = write!(self.signed, "{who}");
+        self.signed = self::who(who);
     }
 
     /// The copy is being overwritten.

@@ -129,7 +129,7 @@ impl Display for Numbers<'_> {
                 "{}",
                 Values { value: self.value, cells: self.cells, range: nth..nth + 1 }
             ));
-            let value = value.trim_start();
+            let value = value.trim_ascii_start();
             let is_number = value.trim_start_matches('-').bytes().next().is_some_and(|b| b.is_ascii_digit());
             write!(f, "{}{}", if nth > 0 { "," } else { "" }, if is_number { value } else { "null" })?;
         }

@@ -55,7 +55,7 @@ pub(super) fn candidates(before: &str, settings: &Settings, each: &mut dyn FnMut
         }
     };
     let done = before.get(..before.len() - begun.len()).unwrap_or_default();
-    let mut words = done.split_whitespace();
+    let mut words = done.split_ascii_whitespace();
     let offers = match words.next() {
         None => &[Offer::Verbs],
         Some(verb) => match commands().find(|command| command.name.eq_ignore_ascii_case(verb)) {

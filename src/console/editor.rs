@@ -132,8 +132,8 @@ impl Editor {
             Key::Leave if self.line.is_empty() => return Event::Leave,
             Key::DeleteRight | Key::Leave => self.delete(self.cursor, self.cursor + 1),
             Key::DeleteWord => {
-                let before = self.before_cursor().trim_end();
-                let from = before.rfind(char::is_whitespace).map_or(0, |at| at + 1);
+                let before = self.before_cursor().trim_ascii_end();
+                let from = before.rfind(|char: char| char.is_ascii_whitespace()).map_or(0, |at| at + 1);
                 self.delete(from, self.cursor);
             }
             Key::DeleteToStart => self.delete(0, self.cursor),

@@ -136,7 +136,8 @@ impl fmt::Write for Cells<'_> {
             }
             if self.at >= self.layout.columns.len() {
                 // Lists of options begin with a blank.
-                let part = if self.at > 0 && self.out.text.ends_with(' ') { part.trim_start() } else { part };
+                let part =
+                    if self.at > 0 && self.out.text.ends_with(' ') { part.trim_ascii_start() } else { part };
                 self.out.put(format_args!("{part}"));
             } else if self.cell.push_str(part).is_err() {
                 let cell = core::mem::take(&mut self.cell);

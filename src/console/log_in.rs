@@ -79,7 +79,7 @@ impl Session<'_, '_> {
             Asks::Command => Wait::End,
             Asks::User => {
                 // No user has a longer name.
-                self.asks = Asks::Password(Name::try_from(line.trim()).unwrap_or_default());
+                self.asks = Asks::Password(Name::try_from(line.trim_ascii()).unwrap_or_default());
                 Wait::End
             }
             Asks::Password(user) => {

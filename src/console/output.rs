@@ -103,7 +103,7 @@ impl Output {
         self.text.truncate(start);
         let mut column = sent;
         for word in line.get(start..).unwrap_or_default().split_inclusive(' ') {
-            if column > hang && column + word.trim_end().chars().count() > columns {
+            if column > hang && column + word.trim_ascii_end().chars().count() > columns {
                 self.end();
                 self.put(format_args!("{:hang$}", ""));
                 column = hang;

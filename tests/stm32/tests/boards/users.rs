@@ -31,15 +31,17 @@ fn type_password(machine: &mut Machine, user: &str) -> String {
 /// The rows of `show audit`, without their times, which are those since the start.
 fn trail(machine: &mut Machine) -> Vec<String> {
     let shown = machine.type_line("show audit").unwrap();
-    let rows = shown.lines().skip(1).filter(|row| !row.trim().is_empty());
-    rows.map(|row| {
-        let words: Vec<&str> = row.split_whitespace().collect();
-        match words[..] {
-            ["up", _, ref what @ ..] => what.join(" "),
-            _ => words.join(" "),
+    let mut rows = Vec::<String>::new();
+    for line in shown.lines().skip(1).filter(|line| !line.trim().is_empty()) {
+        let words: Vec<&str> = line.split_whitespace().collect();
+        match (&words[..], rows.last_mut()) {
+            // What is wider than the terminal goes on below.
+            (words, Some(row)) if line.starts_with(' ') => *row += &format!(" {}", words.join(" ")),
+            (["up", _, what @ ..], _) => rows.push(what.join(" ")),
+            (words, _) => rows.push(words.join(" ")),
         }
-    })
-    .collect()
+    }
+    rows
 }
 
 fn a_user_is_made_at_the_local_console_and_no_line_tells_the_password(board: Board) {

@@ -69,7 +69,7 @@ pub const fn text_bytes_max<F: NorFlash>() -> usize {
     let head = overhead + (KEY_BYTES + TRIAL_BYTES).next_multiple_of(F::WRITE_SIZE);
     let secret = overhead + (KEY_BYTES + SECRET_BYTES).next_multiple_of(F::WRITE_SIZE);
     let version = overhead + (KEY_BYTES + VERSION_BYTES_MAX).next_multiple_of(F::WRITE_SIZE);
-    let versions = if VERSION_BYTES_MAX > 0 { 2 * version } else { 0 };
+    let versions = if cfg!(feature = "versions") { 2 * version } else { 0 };
     let pieces = (sector - 2 * head - secret - versions) / (2 * (overhead + KEY_BYTES + PIECE_BYTES));
     if pieces < PIECES_MAX { pieces * PIECE_BYTES } else { TEXT_BYTES_MAX }
 }

@@ -181,15 +181,15 @@ impl Unit {
         }
     }
 
-    /// Pauses before the next proof; if the unit is down, before the next probe, ever longer.
+    /// Backs off: the pause to the next probe or proof grows.
     pub(super) fn back_off(&mut self, now: Instant) {
-        // A lost response or two do not mean that the unit is down: a client that waits for a second still gets its exception.
-        let mut pause = LATE_PAUSE;
-        if self.is_down {
-            pause = (PROBE_FIRST * (1 << self.tried.min(8))).min(PROBE_LONGEST);
-            self.tried = self.tried.saturating_add(1);
-        }
-        self.held_until = now + pause;
+        let doubled = 1 << self.tried.min(8);
+        self.tried = self.tried.saturating_add(1);
+        // A lost response or two do not mean that the unit is down: begin with short pauses, so that a client that waits for a second
+        // still gets its exception.
+        let pause =
+            if self.is_down { PROBE_FIRST * doubled } else { (LATE_PAUSE * doubled / 2).max(LATE_PAUSE) };
+        self.held_until = now + pause.min(PROBE_LONGEST);
     }
 
     pub(super) fn alive(&mut self) {

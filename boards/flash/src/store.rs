@@ -26,8 +26,8 @@ mod versions;
 mod secret;
 
 pub use self::secret::SECRET_BYTES;
-pub(crate) use self::versions::{Who, who};
 use self::versions::{VERSION_BYTES_MAX, Versions};
+pub(crate) use self::versions::{Who, who};
 
 /// Longest text: room for the network, all ports and all rules as lines of full length. The other lines share it; a longer text
 /// fails with [`StoreError::Full`].

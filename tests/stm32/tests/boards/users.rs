@@ -37,7 +37,7 @@ fn trail(machine: &mut Machine) -> Vec<String> {
         match (&words[..], rows.last_mut()) {
             // What is wider than the terminal goes on below.
             (words, Some(row)) if line.starts_with(' ') => *row += &format!(" {}", words.join(" ")),
-            (["up", _, what @ ..], _) => rows.push(what.join(" ")),
+            (["up", _, what @ ..] | ["-", what @ ..], _) => rows.push(what.join(" ")),
             (words, _) => rows.push(words.join(" ")),
         }
     }

@@ -5,6 +5,7 @@ use mobgate_clock as _;
 
 mod answer_times;
 mod audit;
+mod board;
 mod cache;
 mod candidates;
 mod capture;

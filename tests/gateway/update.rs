@@ -1,6 +1,5 @@
 //! New firmware at the console, over lines that lose and damage blocks.
 
-use std::cell::Cell;
 use std::convert::Infallible;
 
 use embassy_futures::select::select;
@@ -8,7 +7,7 @@ use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::mutex::Mutex;
 use embedded_io_async::{ErrorType, Read, Write};
 use mobgate::console::{Ended, Mode, run};
-use mobgate::hal::{FirmwareState, NoUpdate, SharedUpdate, System, TcpHost, Update, UpdateError, Version};
+use mobgate::hal::{FirmwareState, NoUpdate, SharedUpdate, TcpHost, Update, UpdateError, Version};
 use mobgate::settings::{PortId, TcpListen};
 use mobgate_simulator::Network;
 use mobgate_simulator::console::NoStore;
@@ -17,32 +16,8 @@ use mobgate_simulator::net::ClientStream;
 use mobgate_simulator::random::each_seed;
 use mobgate_simulator::ymodem::{NotSent, Sender, Weather};
 
+use crate::board::{Board, image};
 use crate::prelude::*;
-
-/// A board that counts its restarts.
-#[derive(Default)]
-struct Board {
-    restarts: Cell<u32>,
-    firmware: Option<FirmwareState>,
-}
-
-impl System for Board {
-    fn name(&self) -> &str {
-        "board"
-    }
-
-    async fn is_password(&self, hash: Option<&str>, password: &str) -> bool {
-        hash.is_some() && password == "let me in"
-    }
-
-    fn firmware(&self) -> Option<FirmwareState> {
-        self.firmware.clone()
-    }
-
-    fn reboot(&self) {
-        self.restarts.set(self.restarts.get() + 1);
-    }
-}
 
 /// An engineer who may log in over a network.
 const USER: &str = "user anna role engineer password \
@@ -88,10 +63,6 @@ const USB: Path = Path {
 async fn begin(sender: &mut Sender<ClientStream>) -> String {
     sender.type_in("update\r").await;
     sender.read_for(150 * MS).await
-}
-
-fn image(length: usize) -> Vec<u8> {
-    (0..length).map(|at| (at * 31 + at / 256) as u8).collect()
 }
 
 #[test]

@@ -1,18 +1,17 @@
 //! New firmware by the web interface: it is written while it comes, and what is wrong with it is told.
 
-use std::cell::Cell;
-
 use embassy_futures::select::select3;
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::mutex::Mutex;
 use embedded_io_async::{Read, Write};
-use mobgate::hal::{FirmwareState, SharedUpdate, System, UpdateError};
+use mobgate::hal::{FirmwareState, SharedUpdate, UpdateError};
 use mobgate::web;
 use mobgate_simulator::Network;
 use mobgate_simulator::console::Medium;
 use mobgate_simulator::firmware::Firmware;
 use mobgate_simulator::net::ClientStream;
 
+use crate::board::{Board, image};
 use crate::prelude::*;
 
 /// The password of both is `let me in`.
@@ -21,38 +20,6 @@ user anna role engineer password \"$argon2id$v=19$m=8,t=1,p=1$MDEyMzQ1Njc4OWFiY2
 user otto role operator password \"$argon2id$v=19$m=8,t=1,p=1$MDEyMzQ1Njc4OWFiY2RlZg$MbnuQj2xrGASZb+GaVRPOkBaCDUjNErQQKePN3mCUfA\"
 ";
 const OCTETS: &str = "Content-Type: application/octet-stream\r\n";
-
-/// A board that counts its restarts.
-#[derive(Default)]
-struct Board {
-    restarts: Cell<u32>,
-    tokens: Cell<u8>,
-    firmware: Option<FirmwareState>,
-}
-
-impl System for Board {
-    fn name(&self) -> &str {
-        "board"
-    }
-
-    async fn is_password(&self, hash: Option<&str>, password: &str) -> bool {
-        hash.is_some() && password == "let me in"
-    }
-
-    fn random(&self, into: &mut [u8]) -> bool {
-        self.tokens.set(self.tokens.get() + 1);
-        into.fill(self.tokens.get());
-        true
-    }
-
-    fn firmware(&self) -> Option<FirmwareState> {
-        self.firmware.clone()
-    }
-
-    fn reboot(&self) {
-        self.restarts.set(self.restarts.get() + 1);
-    }
-}
 
 /// A user's computer.
 #[derive(Clone)]
@@ -123,10 +90,6 @@ fn at_interface(firmware: &Firmware, board: &Board, scenario: impl AsyncFnOnce(U
         };
         world.run_until(select3(connection(0), connection(1), scenario));
     });
-}
-
-fn image(length: usize) -> Vec<u8> {
-    (0..length).map(|at| (at * 31 + at / 256) as u8).collect()
 }
 
 #[test]

@@ -9,12 +9,14 @@ use super::certificates;
 use super::changed::Changed;
 use super::listed::listed;
 use super::point_problem::PointProblem;
+use super::port_keys::{Keys, UNIT_KEYS};
+use super::port_kinds::{KEYS, MEDIA};
 use super::port_words::Draft;
 use super::problem::Problem;
 use super::route_words::route;
 use super::values::{name, number};
 use super::words::{Word, Words, Wrong};
-use super::{mdns, own_network, point_checks, point_words, port_kinds, route_words, servers, slaves, users};
+use super::{mdns, own_network, point_checks, point_words, route_words, servers, slaves, users};
 use crate::scanner::POINTS;
 use crate::settings::{
     Destination, Name, PORTS_MAX, Port, PortId, PortKind, ROUTES_MAX, Route, Rules, SERVERS, Settings, USERS,
@@ -47,7 +49,17 @@ pub(crate) fn add_route(settings: &mut Settings, words: &Words<'_>) -> Result<Ch
 
 /// Calls `each` with all keywords of rows and ports.
 pub(crate) fn option_words(each: &mut dyn FnMut(&'static str)) {
-    port_kinds::keywords(each);
+    MEDIA.iter().for_each(|(keyword, _)| each(keyword));
+    let tables = || KEYS.iter().chain([&UNIT_KEYS]);
+    for (nth, table) in tables().enumerate() {
+        for &(keyword, _) in *table {
+            // Several kinds have a `timeout`: it is offered once.
+            let is_known = |earlier: &Keys| earlier.iter().any(|(known, _)| *known == keyword);
+            if !tables().take(nth).any(is_known) {
+                each(keyword);
+            }
+        }
+    }
     route_words::keywords(each);
     if SERVERS {
         servers::keywords(each);
@@ -63,7 +75,8 @@ pub(crate) fn option_words(each: &mut dyn FnMut(&'static str)) {
 pub(crate) fn port(settings: &mut Settings, words: &Words<'_>) -> Result<Changed, Wrong> {
     let name_word = words.take();
     let name = name(name_word)?;
-    if port_kinds::is_kind(name_word) && !port_kinds::is_kind(words.peek()) {
+    let is_kind = |word: Word| word.lookup(MEDIA).is_some();
+    if is_kind(name_word) && !is_kind(words.peek()) {
         return Err(
             name_word.error(Problem::TakenAs("the port's name, which comes first: port NAME KIND ..."))
         );

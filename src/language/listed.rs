@@ -1,4 +1,4 @@
-//! Tables of keywords, and their keywords as listed in errors: "port, route or mdns". Generated at build time.
+//! Tables of keywords, their keywords as listed in errors ("port, route or mdns"), and texts of several parts. Made at build time.
 
 /// A table of keywords with the values that they stand for, and how those are printed.
 macro_rules! keywords {
@@ -25,6 +25,19 @@ macro_rules! listed {
     }};
 }
 pub(crate) use listed;
+
+/// The text of these parts, of which an image may lack some.
+macro_rules! joined {
+    ($parts:expr) => {{
+        const BYTES: [u8; $crate::language::listed::joined_bytes($parts)] =
+            $crate::language::listed::join($parts);
+        match core::str::from_utf8(&BYTES) {
+            Ok(text) => text,
+            Err(_) => "",
+        }
+    }};
+}
+pub(crate) use joined;
 
 /// The separator between two keywords, with `rest` keywords left.
 const fn between(rest: usize) -> &'static [u8] {
@@ -58,6 +71,27 @@ pub(crate) const fn list<const N: usize, T>(mut table: &[(&str, T)]) -> [u8; N] 
     text
 }
 
+/// The length of the parts together.
+pub(crate) const fn joined_bytes(mut parts: &[&str]) -> usize {
+    let mut count = 0;
+    while let [part, rest @ ..] = parts {
+        count += part.len();
+        parts = rest;
+    }
+    count
+}
+
+/// The parts together, which have `N` bytes.
+pub(crate) const fn join<const N: usize>(mut parts: &[&str]) -> [u8; N] {
+    let mut text = [0; N];
+    let mut left: &mut [u8] = &mut text;
+    while let [part, rest @ ..] = parts {
+        left = copy(part.as_bytes(), left);
+        parts = rest;
+    }
+    text
+}
+
 /// Copies `from` to the start of `into`; returns the rest of `into`.
 const fn copy<'i>(from: &[u8], into: &'i mut [u8]) -> &'i mut [u8] {
     let Some((place, rest)) = into.split_at_mut_checked(from.len()) else { return &mut [] };
@@ -72,5 +106,10 @@ mod tests {
         assert_eq!(listed!(&[("port", 1), ("route", 2), ("mdns", 3)]), "port, route or mdns");
         assert_eq!(listed!(&[("on", true), ("off", false)]), "on or off");
         assert_eq!(listed!(&[("route", ())]), "route");
+    }
+
+    #[test]
+    fn parts_are_joined_in_their_order() {
+        assert_eq!(joined!(&["port NAME\n", "", "route"]), "port NAME\nroute");
     }
 }

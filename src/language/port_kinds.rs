@@ -1,15 +1,15 @@
-//! The kinds of port in port lines: the start of the line, its keywords, and how it is printed.
+//! The kinds of port in port lines: the start of the line, its keywords, its help, and how it is printed. An image lacks the words
+//! and texts of features that it lacks.
 
 use core::fmt::{self, Display};
 
-use super::listed::listed;
-use super::port_keys::{Keys, Keywords, UNIT_KEYS};
+use super::listed::{joined, listed};
+use super::port_keys::{Keys, Keywords};
 use super::port_values::{device, server_address};
 use super::problem::Problem;
 use super::values::{listen, parse_number};
 use super::words::{Word, Words, Wrong};
 use crate::scanner::POINTS;
-// As above.
 #[cfg(feature = "web")]
 use crate::settings::HttpSettings;
 use crate::settings::{
@@ -19,49 +19,41 @@ use crate::settings::{
 
 /// The medium of a port.
 #[derive(Clone, Copy)]
-enum Medium {
+pub(super) enum Medium {
     Serial,
     Tcp,
     Udp,
-    // Left out of images without it.
     #[cfg(feature = "web")]
     Http,
     Scanner,
     Ethercat,
-    // Where there is none, its word is not known; also below.
     #[cfg(feature = "ssh")]
     Ssh,
 }
 
-const MEDIA: &[(&str, Medium)] = &[
+/// The words for kinds of port.
+pub(super) const MEDIA: &[(&str, Medium)] = &[
     ("serial", Medium::Serial),
     ("tcp", Medium::Tcp),
     ("udp", Medium::Udp),
-    #[cfg(feature = "web")] // As above.
+    #[cfg(feature = "web")]
     ("http", Medium::Http),
     ("scanner", Medium::Scanner),
     ("ethercat", Medium::Ethercat),
     #[cfg(feature = "ssh")]
     ("ssh", Medium::Ssh),
 ];
-const MEDIA_EXPECTED: &str = listed!(MEDIA);
 
 const SIDES: &[(&str, Side)] =
     &[("server", Side::Server), ("slave", Side::Server), ("client", Side::Client), ("master", Side::Client)];
 
-/// Whether the word is a kind of port where the port's name is expected.
-pub(crate) fn is_kind(word: Word) -> bool {
-    word.lookup(MEDIA).is_some()
-}
-
 /// Parses the kind of a new port, up to the device or address.
 pub(crate) fn new_port<'a>(words: &'a Words) -> Result<(PortKind, Word<'a>), Wrong> {
     let word = words.take();
-    let medium = word.keyword(MEDIA, MEDIA_EXPECTED)?;
+    let medium = word.keyword(MEDIA, listed!(MEDIA))?;
     let side = match medium {
         Medium::Tcp => words.take().keyword(SIDES, "server or client")?,
         Medium::Udp => words.take().keyword(SIDES.get(..2).unwrap_or(SIDES), "server")?,
-        // As above.
         #[cfg(feature = "web")]
         Medium::Http => words.take().keyword(SIDES.get(..2).unwrap_or(SIDES), "server")?,
         #[cfg(feature = "ssh")]
@@ -95,7 +87,6 @@ pub(crate) fn new_port<'a>(words: &'a Words) -> Result<(PortKind, Word<'a>), Wro
             PortKind::TcpClient(TcpClientSettings::new(Some(server_address(endpoint, MODBUS_TCP_PORT)?)))
         }
         (Medium::Udp, _) => PortKind::UdpServer(UdpServerSettings::new(listen(endpoint)?)),
-        // As above.
         #[cfg(feature = "web")]
         (Medium::Http, _) => PortKind::Http(HttpSettings::new(listen(endpoint)?)),
         // A keyword or number of a serial line is not a device name.
@@ -109,29 +100,67 @@ pub(crate) fn new_port<'a>(words: &'a Words) -> Result<(PortKind, Word<'a>), Wro
     Ok((kind, endpoint))
 }
 
-/// Calls `each` with the keywords of all ports.
-pub(crate) fn keywords(each: &mut dyn FnMut(&'static str)) {
-    MEDIA.iter().for_each(|&(keyword, _)| each(keyword));
-    let tables = [
-        SERIAL.0,
-        TCP_SERVER.0,
-        TCP_CLIENT.0,
-        UDP_SERVER.0,
-        #[cfg(feature = "web")] // As above.
-        HTTP.0,
-        ETHERCAT.0,
-        UNIT_KEYS,
-    ];
-    for (nth, table) in tables.into_iter().enumerate() {
-        for &(keyword, _) in table {
-            // Several kinds have a `timeout`: it is offered once.
-            let is_known = |earlier: Keys| earlier.iter().any(|(known, _)| *known == keyword);
-            if !tables.into_iter().take(nth).any(is_known) {
-                each(keyword);
-            }
-        }
-    }
-}
+/// The keywords of all kinds.
+pub(super) const KEYS: &[Keys] = &[
+    SERIAL.0,
+    TCP_SERVER.0,
+    TCP_CLIENT.0,
+    UDP_SERVER.0,
+    #[cfg(feature = "web")]
+    HTTP.0,
+    ETHERCAT.0,
+];
+
+/// The lines of `help port` on how the line of each kind begins.
+pub(super) const HELP: &str = joined!(&[
+    "port NAME serial DEVICE rtu|ascii client|server [BAUD] [FORMAT] [OPTION]...
+port NAME tcp|udp server [ADDRESS:]PORT [OPTION]...
+port NAME tcp client ADDRESS[:PORT] [OPTION]...\tone server
+",
+    #[cfg(feature = "servers")]
+    "port NAME tcp client [OPTION]...\tmany servers: see help server\n",
+    #[cfg(feature = "web")]
+    "port NAME http server [ADDRESS:]PORT [OPTION]...\tthe web interface\n",
+    #[cfg(feature = "ssh")]
+    "port NAME ssh server [ADDRESS:]PORT [OPTION]...\tthe console by SSH\n",
+    #[cfg(feature = "points")]
+    "port NAME scanner\tpolls the devices of data points, by the
+\trules for its name
+port NAME ethercat [OPTION]...\tthe gateway as an EtherCAT SubDevice
+",
+]);
+
+/// The lines of `help port` on the options of each kind.
+pub(super) const HELP_OPTIONS: &str = joined!(&[
+    "  serial:     19200 8E1 (ascii 7E1), gap T|auto, char-timeout T|auto,
+              echo|no-echo, rs232|rs485|rts;
+              with rs485 or rts: driver-before T, driver-after T
+    client:   timeout T, retries N, turnaround T, start-delay T,
+              late-window T|auto, down-after N, proof ...
+    server:   answer-within T, reply-delay T
+  tcp client: rtu, in-flight N, timeout T, connect-timeout T, connect-delay T,
+              request-delay T, idle T, retries N, late-window T|auto,
+              down-after N
+    one server: unit N
+",
+    #[cfg(feature = "servers")]
+    "    many servers: sockets N (connections at a time)\n",
+    "  tcp server: rtu, clients N, idle T, pipeline N, lifetime T,
+              full displace|refuse, reserve N for PREFIX[,PREFIX]...,
+              allow PREFIX,...|*; capture: frames for Wireshark
+  udp server: pipeline N, requests N, lifetime T, allow PREFIX,...|*
+",
+    #[cfg(feature = "web")]
+    "  http server: allow PREFIX,...|*, cleartext (log in from other machines),
+              metrics (without a log-in)
+",
+    #[cfg(feature = "points")]
+    "  ethercat:   interface NAME (on Linux: where a MainDevice is),
+              line PORT, on-loss hold|clear|stop, id N|alias,
+              modules|no-modules, emergencies|no-emergencies,
+              prove-outputs|no-prove-outputs
+",
+]);
 
 /// Receives a port's role, its device or address, and the settings of its line or stream.
 type Description<'d> = dyn FnMut(&dyn Display, &dyn Display, &dyn Display) + 'd;
@@ -147,7 +176,6 @@ impl PortKind {
             Self::UdpServer(_) => UDP_SERVER,
             Self::Ethercat(_) => ETHERCAT,
             Self::Scanner => NONE,
-            // As above.
             #[cfg(feature = "web")]
             Self::Http(_) => HTTP,
         }
@@ -166,7 +194,6 @@ impl PortKind {
                 None => f.write_str("tcp client"),
             },
             Self::UdpServer(settings) => write!(f, "udp server {}", settings.listen),
-            // As above.
             #[cfg(feature = "web")]
             Self::Http(HttpSettings { listen, .. }) => write!(f, "http server {listen}"),
             Self::Scanner => f.write_str("scanner"),
@@ -195,7 +222,6 @@ impl PortKind {
             Self::Ethercat(EthercatSettings { interface, .. }) => {
                 show(&"ethercat", interface.as_ref().map_or(&"", |name| name), &"");
             }
-            // As above.
             #[cfg(feature = "web")]
             Self::Http(server) => {
                 let how = match server.cleartext {
@@ -210,7 +236,8 @@ impl PortKind {
     }
 }
 
-/// The keywords of each kind in printing order, with their list for errors.
+/// The keywords of each kind in printing order, with their list for errors. Those for the default are for `edit`, which resets
+/// a flag by them: `rs232`, `mbap`, `no-tls`.
 const SERIAL: Keywords = (
     &[
         ("device", Key::Device),
@@ -224,7 +251,6 @@ const SERIAL: Keywords = (
         ("gap", Key::Gap),
         ("rs485", Key::Driver(Driver::Rs485)),
         ("rts", Key::Driver(Driver::Rts)),
-        // For `edit`: resets a flag.
         ("rs232", Key::Driver(Driver::Automatic)),
         ("driver-before", Key::DriverBefore),
         ("driver-after", Key::DriverAfter),
@@ -241,27 +267,17 @@ const SERIAL: Keywords = (
         ("proof", Key::Proof),
     ],
     "rtu, ascii, client, server, a baud rate, a format (8E1), device, timeout, char-timeout, gap, rs485, rts, \
-     driver-before, driver-after, echo, retries, turnaround, start-delay, late-window, \
-     down-after, proof, answer-within or reply-delay",
+     driver-before, driver-after, echo, retries, turnaround, start-delay, late-window, down-after, proof, answer-within or reply-delay",
 );
-
-const TCP_SERVER_EXPECTED: &str = if TLS {
-    "listen, rtu, capture, clients, idle, pipeline, lifetime, full, reserve, allow, tls, certificate or trust"
-} else {
-    "listen, rtu, capture, clients, idle, pipeline, lifetime, full, reserve or allow"
-};
 
 const TCP_SERVER: Keywords = (
     &[
         ("listen", Key::Listen),
         ("rtu", Key::Stream(StreamFraming::Rtu)),
         ("capture", Key::Stream(StreamFraming::Capture)),
-        // For `edit`: resets a flag.
         ("mbap", Key::Stream(StreamFraming::Mbap)),
-        // Left out of images without TLS; also below.
         #[cfg(feature = "tls")]
         ("tls", Key::Tls(true)),
-        // For `edit`: resets a flag.
         #[cfg(feature = "tls")]
         ("no-tls", Key::Tls(false)),
         #[cfg(feature = "tls")]
@@ -276,7 +292,11 @@ const TCP_SERVER: Keywords = (
         ("reserve", Key::Reserve),
         ("allow", Key::Allow),
     ],
-    TCP_SERVER_EXPECTED,
+    if TLS {
+        "listen, rtu, capture, clients, idle, pipeline, lifetime, full, reserve, allow, tls, certificate or trust"
+    } else {
+        "listen, rtu, capture, clients, idle, pipeline, lifetime, full, reserve or allow"
+    },
 );
 
 const SSH_SERVER: Keywords = (
@@ -290,24 +310,13 @@ const SSH_SERVER: Keywords = (
     "listen, clients, full, reserve or allow",
 );
 
-const TCP_CLIENT_EXPECTED: &str = if TLS {
-    "address, rtu, sockets, unit, in-flight, timeout, connect-timeout, \
-     connect-delay, request-delay, idle, retries, late-window, down-after, proof, tls, certificate or trust"
-} else {
-    "address, rtu, sockets, unit, in-flight, timeout, connect-timeout, \
-     connect-delay, request-delay, idle, retries, late-window, down-after or proof"
-};
-
 const TCP_CLIENT: Keywords = (
     &[
         ("address", Key::Server),
         ("rtu", Key::Stream(StreamFraming::Rtu)),
-        // For `edit`: resets a flag.
         ("mbap", Key::Stream(StreamFraming::Mbap)),
-        // Left out of images without TLS; also below.
         #[cfg(feature = "tls")]
         ("tls", Key::Tls(true)),
-        // For `edit`: resets a flag.
         #[cfg(feature = "tls")]
         ("no-tls", Key::Tls(false)),
         #[cfg(feature = "tls")]
@@ -327,7 +336,13 @@ const TCP_CLIENT: Keywords = (
         ("down-after", Key::DownAfter),
         ("proof", Key::Proof),
     ],
-    TCP_CLIENT_EXPECTED,
+    if TLS {
+        "address, rtu, sockets, unit, in-flight, timeout, connect-timeout, \
+         connect-delay, request-delay, idle, retries, late-window, down-after, proof, tls, certificate or trust"
+    } else {
+        "address, rtu, sockets, unit, in-flight, timeout, connect-timeout, \
+         connect-delay, request-delay, idle, retries, late-window, down-after or proof"
+    },
 );
 
 const UDP_SERVER: Keywords = (
@@ -341,22 +356,17 @@ const UDP_SERVER: Keywords = (
     "listen, pipeline, requests, lifetime or allow",
 );
 
-// As above.
 #[cfg(feature = "web")]
 const HTTP: Keywords = (
     &[
         ("listen", Key::Listen),
         ("allow", Key::Allow),
         ("cleartext", Key::Cleartext(true)),
-        // For `edit`: resets a flag.
         ("no-cleartext", Key::Cleartext(false)),
         ("metrics", Key::Metrics(true)),
-        // For `edit`: resets a flag.
         ("no-metrics", Key::Metrics(false)),
-        // Left out of images without TLS.
         #[cfg(feature = "tls")]
         ("tls", Key::Tls(true)),
-        // For `edit`: resets a flag.
         #[cfg(feature = "tls")]
         ("no-tls", Key::Tls(false)),
         #[cfg(feature = "tls")]
@@ -380,13 +390,10 @@ const WITH_CONTROLLER: Keywords = (
         ("on-loss", Key::OnLoss),
         ("id", Key::Id),
         ("modules", Key::Modules(true)),
-        // For `edit`: resets a flag.
         ("no-modules", Key::Modules(false)),
         ("emergencies", Key::Emergencies(true)),
-        // For `edit`: resets a flag.
         ("no-emergencies", Key::Emergencies(false)),
         ("prove-outputs", Key::ProveOutputs(true)),
-        // For `edit`: resets a flag.
         ("no-prove-outputs", Key::ProveOutputs(false)),
     ],
     "interface, line, on-loss, id, modules, emergencies or prove-outputs",

@@ -1,7 +1,10 @@
-//! Frames that are passed on while they arrive, from line to line of either framing, in virtual time.
+//! Frames that are passed on while they arrive, from line to line of either framing: when a copy may begin, by value, and what
+//! becomes of requests, in virtual time.
 
 use embassy_futures::join::join;
-use mobgate_simulator::timing::chars_ns;
+use mobgate::port::cut_through::timing::start;
+use mobgate::settings::{Lane, LineSettings, Parity};
+use mobgate_simulator::timing::{char_bits, chars_ns};
 
 use crate::prelude::*;
 
@@ -290,4 +293,104 @@ fn a_frame_that_breaks_off_while_it_is_passed_on_holds_up_nobody() {
             assert!(counts(rig, "S")[0] > 0 && counts(rig, "C")[0] > 0);
         });
     }
+}
+
+/// A second, as any time at which a frame begins.
+const BEGUN: Instant = Instant::from_ticks(1_000_000);
+
+fn line(baud: u32) -> LineSettings {
+    LineSettings { baud, ..LineSettings::DEFAULT }
+}
+
+fn rtu_lane(baud: u32) -> Lane {
+    Lane { framing: Framing::Rtu, line: line(baud) }
+}
+
+fn ascii_lane(baud: u32) -> Lane {
+    Lane { framing: Framing::Ascii, line: LineSettings { data_bits: 7, ..line(baud) } }
+}
+
+/// Microseconds from the first bit of a frame of `bytes` bytes without its check to that of its copy.
+fn start_us(input: &Lane, output: &Lane, bytes: Option<usize>) -> Option<u64> {
+    start(BEGUN, input, output, bytes).map(|at| (at - BEGUN).as_micros())
+}
+
+#[test]
+fn a_copy_on_a_line_as_slow_or_slower_begins_as_soon_as_the_unit_is_there() {
+    assert_eq!(start_us(&rtu_lane(19_200), &rtu_lane(19_200), None), Some(573));
+    assert_eq!(start_us(&rtu_lane(115_200), &rtu_lane(19_200), None), Some(96));
+    let none = LineSettings { parity: Parity::None, ..line(19_200) };
+    let none = Lane { framing: Framing::Rtu, line: none };
+    // Ten bits a character are sooner over than eleven.
+    assert_eq!(start_us(&none, &rtu_lane(19_200), None), Some(521));
+    assert_eq!(start_us(&rtu_lane(19_200), &none, None), None);
+    // Two characters of ten bits for one of eleven.
+    assert_eq!(start_us(&rtu_lane(19_200), &ascii_lane(19_200), None), Some(573));
+    assert_eq!(start_us(&ascii_lane(19_200), &ascii_lane(19_200), None), Some(1_563), "colon and two digits");
+    assert_eq!(start_us(&ascii_lane(115_200), &rtu_lane(19_200), None), Some(261));
+}
+
+#[test]
+fn a_copy_on_a_faster_line_begins_so_late_that_it_never_has_to_wait() {
+    assert_eq!(start_us(&rtu_lane(9_600), &rtu_lane(115_200), None), None, "not before the length is known");
+    // 8 characters of 1145.83 us less 7 of 95.49 us.
+    assert_eq!(start_us(&rtu_lane(9_600), &rtu_lane(115_200), Some(6)), Some(8_499));
+    assert_eq!(start_us(&rtu_lane(19_200), &rtu_lane(38_400), Some(23)), Some(14_323 - 6_875));
+    // 8 of 1145.83 us less 13 of 86.81 us: the LRC is known when the frame is over.
+    assert_eq!(start_us(&rtu_lane(9_600), &ascii_lane(115_200), Some(6)), Some(8_039));
+    // 17 of 1041.67 us less 7 of 1145.83 us: at equal speeds, ASCII is the slow one.
+    assert_eq!(start_us(&ascii_lane(9_600), &rtu_lane(9_600), None), None);
+    assert_eq!(start_us(&ascii_lane(9_600), &rtu_lane(9_600), Some(6)), Some(9_688));
+    // 17 of 1041.67 us less 15 of 86.81 us.
+    assert_eq!(start_us(&ascii_lane(9_600), &ascii_lane(115_200), Some(6)), Some(16_407));
+}
+
+/// When each character of a frame of `bytes` bytes and its copy may be there and must leave: the formula is the earliest
+/// start at which none has to wait.
+#[test]
+fn the_start_is_the_earliest_at_which_no_character_has_to_wait() {
+    let lanes = [1_200, 9_600, 19_200, 115_200].map(|baud| [rtu_lane(baud), ascii_lane(baud)]);
+    let lanes = lanes.as_flattened();
+    for (input, output) in lanes.iter().flat_map(|input| lanes.iter().map(move |output| (input, output))) {
+        for bytes in [2, 3, 6, 23, 254] {
+            let wanted = earliest_us(input, output, bytes);
+            let start = start_us(input, output, Some(bytes)).unwrap() as f64;
+            assert!(
+                (wanted - 1e-6..=wanted + 1.0).contains(&start),
+                "{input:?} to {output:?}, {bytes}: {start}"
+            );
+            if let Some(unknown) = start_us(input, output, None) {
+                assert!(
+                    unknown as f64 >= wanted - 1e-6,
+                    "{input:?} to {output:?}, {bytes}: not known, {unknown}"
+                );
+            }
+        }
+    }
+}
+
+/// The earliest start, character by character.
+fn earliest_us(input: &Lane, output: &Lane, bytes: usize) -> f64 {
+    // When a byte is there, when its check is, and when all is; in characters.
+    let (there, check, end): (fn(usize) -> usize, _, _) = match input.framing {
+        Framing::Rtu => (|byte| byte + 1, bytes + 2, bytes + 2),
+        Framing::Ascii => (|byte| 2 * byte + 3, 2 * bytes + 3, 2 * bytes + 5),
+    };
+    let bytes_needed = (0..bytes).map(there);
+    // The characters of the copy, each with what it needs of the frame.
+    let needed: Vec<usize> = match (input.framing, output.framing) {
+        (Framing::Rtu, Framing::Rtu) => bytes_needed.chain([bytes + 1, end]).collect(),
+        (Framing::Ascii, Framing::Rtu) => bytes_needed.chain([check, end]).collect(),
+        (_, Framing::Ascii) => {
+            let digits = bytes_needed.flat_map(|needed| [needed; 2]);
+            [there(0)].into_iter().chain(digits).chain([check, check, end, end]).collect()
+        }
+    };
+    let us = |lane: &Lane| char_bits(&lane.line) as f64 * 1e6 / f64::from(lane.line.baud);
+    let starts = needed
+        .iter()
+        .enumerate()
+        .map(|(place, &needed)| needed as f64 * us(input) - place as f64 * us(output));
+    // The unit is there before anything is sent.
+    starts.fold(there(0) as f64 * us(input), f64::max)
 }

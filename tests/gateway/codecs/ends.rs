@@ -8,6 +8,9 @@ use mobgate::modbus::pdu::{
 use crate::prelude::*;
 use crate::samples::EXAMPLES;
 
+/// A read of one register.
+const READ: [u8; 5] = [3, 0, 7, 0, 1];
+
 /// By function: behind how many bytes the end of a request is known, and that of its response, none where only silence tells; and
 /// its name.
 const TOLD: &[(u8, Option<usize>, Option<usize>, &str)] = &[
@@ -221,4 +224,39 @@ fn of_what_is_not_repeated_nothing_is_compared() {
     assert_eq!(fits(&[], &[65]), Err(Misfit::Length));
     assert_eq!(fits(&[12], &[12, 6, 0, 0, 0, 0, 0, 0]), Ok(()));
     assert_eq!(Exception(0x0B).response(0x18), [0x98, 0x0B]);
+}
+
+#[test]
+fn the_beginning_of_a_request_tells_its_end_as_soon_as_it_can() {
+    assert_eq!(request_end(&[]), End::Later);
+    for function in 1..=6 {
+        assert_eq!(request_end(&[function]), End::At(5));
+    }
+    assert_eq!(request_end(&[16, 0, 0, 0, 2]), End::Later);
+    assert_eq!(request_end(&[16, 0, 0, 0, 2, 4]), End::At(10));
+    assert_eq!(request_end(&[23, 0, 0, 0, 1, 0, 0, 0, 1]), End::Later);
+    assert_eq!(request_end(&[23, 0, 0, 0, 1, 0, 0, 0, 1, 2]), End::At(12));
+    assert_eq!(request_end(&[8, 0]), End::Later);
+    assert_eq!(request_end(&[8, 0, 99]), End::Unknown);
+    for function in [20, 21, 43] {
+        assert_eq!(request_end(&[function]), End::Later);
+    }
+    assert_eq!(request_end(&[65]), End::Unknown);
+    assert_eq!(request_end(&[21, 251]), End::At(253), "as long as it may be");
+    assert_eq!(request_end(&[21, 252]), End::Unknown);
+    assert_eq!(request_end(&[0x83]), End::Unknown);
+    assert_eq!(request_end(&[16, 0, 0, 0, 2, 255]), End::Unknown, "no frame is that long");
+}
+
+#[test]
+fn the_beginning_of_a_response_tells_its_end_or_that_it_is_none() {
+    assert_eq!(response_end(&READ, &[]), End::Later);
+    assert_eq!(response_end(&READ, &[3]), End::At(4));
+    assert_eq!(response_end(&READ, &[3, 2]), End::At(4));
+    assert_eq!(response_end(&READ, &[3, 4]), End::Unknown, "another byte count");
+    assert_eq!(response_end(&READ, &[4]), End::Unknown, "another function");
+    assert_eq!(response_end(&READ, &[0x83]), End::At(2));
+    assert_eq!(response_end(&READ, &[0x83, 0]), End::Unknown);
+    assert_eq!(response_end(&[16, 0, 0, 0, 1, 2, 0, 0], &[16]), End::At(5));
+    assert_eq!(response_end(&[65, 1], &[65]), End::Unknown);
 }

@@ -1,6 +1,7 @@
-//! RTU frames: encoding, decoding and the CRC.
+//! RTU frames: encoding, decoding and the CRC, also where the unit changes.
 
 use mobgate::modbus::crc::crc16;
+use mobgate::modbus::delta::CrcDelta;
 use mobgate::modbus::rtu::{FRAME_BYTES_MAX, RtuError, decode, encode};
 
 use crate::prelude::*;
@@ -36,6 +37,21 @@ fn lengths_that_no_frame_has_are_refused_by_name() {
         assert_eq!(decode(&[0; 4][..short]), Err(RtuError::Short(short)));
     }
     assert_eq!(decode(&[0; 257]), Err(RtuError::Long(257)));
+}
+
+#[test]
+fn whatever_the_units_and_however_long_the_frame_its_crc_is_changed_by_what_its_unit_changes() {
+    for change in 1..=u8::MAX {
+        let mut delta = CrcDelta::new(0, change);
+        // Bit by bit, by the polynomial of Serial Line 2.5.1.2.
+        let step = |register: u16| (0..8).fold(register, |crc, _| (crc >> 1) ^ ((crc & 1) * 0xa001));
+        let mut expected = step(change.into());
+        for length in 0..=253 {
+            assert_eq!(u16::from_le_bytes(delta.translate([0; 2])), expected, "{change} {length}");
+            delta.pass(1);
+            expected = step(expected);
+        }
+    }
 }
 
 proptest! {
@@ -76,5 +92,22 @@ proptest! {
         let good = matches!(&bytes[..], [body @ .., low, high]
             if (4..=256).contains(&bytes.len()) && naive_crc(body) == u16::from_le_bytes([*low, *high]));
         prop_assert_eq!(decode(&bytes).is_ok(), good);
+    }
+
+    #[test]
+    fn another_units_id_turns_the_same_bits_of_the_crc_wrong_as_before(
+        pdu in vec(any::<u8>(), 1..=253),
+        from in any::<u8>(),
+        to in any::<u8>(),
+        damage in any::<u16>(),
+    ) {
+        let crc = |unit| {
+            let frame = frame(unit, &pdu);
+            u16::from_le_bytes([frame[frame.len() - 2], frame[frame.len() - 1]])
+        };
+        let mut delta = CrcDelta::new(from, to);
+        delta.pass(pdu.len());
+        let sent = u16::from_le_bytes(delta.translate((crc(from) ^ damage).to_le_bytes()));
+        prop_assert_eq!(sent, crc(to) ^ damage);
     }
 }

@@ -20,6 +20,8 @@ use crate::head::{CRC, Head, TRIAL_BYTES, trial_from_bytes, trial_to_bytes};
 use crate::sectors::{SECTORS, Sectors};
 
 // Images without it are smaller: nobody asks for a version there.
+#[cfg_attr(not(feature = "versions"), path = "store/no_version_items.rs")]
+mod version_items;
 #[cfg_attr(not(feature = "versions"), path = "store/no_versions.rs")]
 mod versions;
 

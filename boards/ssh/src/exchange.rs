@@ -10,7 +10,7 @@ use zeroize::{Zeroize, ZeroizeOnDrop};
 
 use crate::Error;
 use crate::cipher::Key;
-use crate::link::{EXCHANGE, IDENTIFICATION, Link};
+use crate::link::{Agreed, EXCHANGE, HASH_BYTES, IDENTIFICATION, Link};
 use crate::wire::{ED25519, Reader, Writer, has};
 
 const METHOD: &str = "curve25519-sha256";
@@ -28,15 +28,6 @@ const CLIENT_SHARE: u8 = 30;
 const SERVER_SHARE: u8 = 31;
 
 const COOKIE_BYTES: usize = 16;
-const HASH_BYTES: usize = 32;
-
-/// What stays the same when keys are exchanged again.
-#[derive(ZeroizeOnDrop)]
-pub(crate) struct Agreed {
-    /// The session's number: the first exchange's hash.
-    pub(crate) session: [u8; HASH_BYTES],
-    strict: bool,
-}
 
 /// What a client offers.
 struct Offer {

@@ -5,9 +5,9 @@ use core::ops::Range;
 use embedded_io_async::{Read, Write};
 use heapless::Vec;
 use salty::Keypair;
+use zeroize::ZeroizeOnDrop;
 
 use crate::Error;
-use crate::exchange::Agreed;
 use crate::packets::{Incoming, Outgoing};
 use crate::wire::{Reader, Writer};
 
@@ -23,12 +23,24 @@ const DEBUG: u8 = 4;
 const EXTENSIONS: u8 = 7;
 pub(crate) const EXCHANGE: u8 = 20;
 
+/// Bytes of an exchange's hash (SHA-256).
+pub(crate) const HASH_BYTES: usize = 32;
+
 /// What the board gives to a connection.
 #[derive(Clone, Copy)]
 pub(crate) struct Secrets<'b> {
     pub(crate) host_key: &'b Keypair,
     /// Fills in random numbers; false if there are none.
     pub(crate) random: &'b dyn Fn(&mut [u8]) -> bool,
+}
+
+/// What stays the same when keys are exchanged again.
+#[derive(ZeroizeOnDrop)]
+pub(crate) struct Agreed {
+    /// The session's number: the first exchange's hash.
+    pub(crate) session: [u8; HASH_BYTES],
+    /// Counters of packets begin anew with each exchange.
+    pub(crate) strict: bool,
 }
 
 /// A connection.

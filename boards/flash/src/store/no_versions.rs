@@ -1,13 +1,6 @@
 //! In place of the versions: none is told.
 
-use core::convert::Infallible;
 use core::fmt;
-
-use embedded_storage_async::nor_flash::NorFlash;
-use mobgate::hal::StoreError;
-
-use super::FlashStore;
-use crate::head::Head;
 
 pub(super) const VERSION_BYTES_MAX: usize = 0;
 
@@ -42,16 +35,4 @@ impl Versions {
     pub(super) fn sign(&mut self, _: &dyn fmt::Display) {}
 
     pub(super) fn forget(&mut self, _: u8) {}
-}
-
-impl<F: NorFlash> FlashStore<F> {
-    pub(super) async fn find_versions(&mut self) {}
-
-    pub(super) async fn note_version(&mut self, _: Head) -> Result<(), StoreError> {
-        Ok(())
-    }
-
-    pub(super) fn version(&self, _: usize) -> Option<(Head, Infallible)> {
-        None
-    }
 }

@@ -4,18 +4,18 @@
 
 use std::f32::consts::TAU;
 use std::fmt::Write as _;
+use std::path::Path;
+use std::rc::Rc;
 use std::str::FromStr;
 
 use clap::Args;
 use embassy_executor::Spawner;
 use embassy_time::{Duration, Instant, Timer};
-use mobgate::settings::{InterfaceName, LineSettings, TcpListen};
+use mobgate::settings::{InterfaceName, LineSettings, Settings, TcpListen};
 use mobgate_simulator::device::serve;
 use mobgate_simulator::{Device, LineEnd, SimSerial, Wire};
 
-use crate::cli::Options;
-use crate::start::Start;
-use crate::tcp::TcpSockets;
+use crate::tcp::{Listener, TcpSockets};
 use crate::{ethercat, settings};
 
 mod lines;
@@ -101,18 +101,21 @@ impl FromStr for DemoKind {
 }
 
 /// Checks whether the demo can run here with these options.
-pub(crate) fn check(options: &Options) -> Result<(), String> {
-    if options.config.is_some() {
+pub(crate) fn check(demo: &Choice, config: Option<&Path>) -> Result<(), String> {
+    if config.is_some() {
         return Err("--demo ethercat has its own settings: start it without --config".to_owned());
     }
-    let Some(name) = options.demo.interface() else { return Ok(()) };
+    let Some(name) = demo.interface() else { return Ok(()) };
     // An explicit request must not fail silently later.
     ethercat::check(name).map_err(|fault| format!("--demo ethercat: {fault}\n{}", ethercat_needs(name)))
 }
 
-/// The demo's settings, on the first of its TCP ports that can be opened.
-pub(crate) fn start(options: &Options, sockets: &TcpSockets) -> Result<Start, String> {
-    let Options { demo, listen, .. } = options;
+/// The demo's settings, on the first of its TCP ports that can be opened, or at `listen`; and the listener there.
+pub(crate) fn start(
+    demo: &Choice,
+    listen: Option<TcpListen>,
+    sockets: &TcpSockets,
+) -> Result<(Settings, Vec<Rc<Listener>>), String> {
     let interface = demo.interface();
     let default = TCP_PORTS.map(|port| TcpListen { address: None, port });
     let candidates = listen.as_ref().map_or(&default[..], std::slice::from_ref);
@@ -124,7 +127,7 @@ pub(crate) fn start(options: &Options, sockets: &TcpSockets) -> Result<Start, St
                 let settings = settings::parse(&(settings_text(at) + &ethercat))?;
                 print!("{}", invitation(at));
                 interface.into_iter().for_each(|name| print!("{}", ethercat_invitation(name)));
-                return Ok(Start { settings, listeners: vec![listener] });
+                return Ok((settings, vec![listener]));
             }
             Err(error) => faults.push(format!("TCP port {at}: {error}")),
         }
@@ -133,8 +136,8 @@ pub(crate) fn start(options: &Options, sockets: &TcpSockets) -> Result<Start, St
 }
 
 /// Starts the demo's devices if requested, or if there is no configuration; returns the host of the serial lines.
-pub fn spawn(options: &Options, spawner: Spawner) -> Lines {
-    let wanted = options.demo.demo.is_some() || options.config.is_none();
+pub fn spawn(demo: &Choice, config: Option<&Path>, spawner: Spawner) -> Lines {
+    let wanted = demo.demo.is_some() || config.is_none();
     let demo = wanted.then(Demo::default);
     let lines = Lines { demo: demo.as_ref().map(Demo::serial) };
     // Spawned once: the task slot is free.

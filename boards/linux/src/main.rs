@@ -335,7 +335,7 @@ fn spawn(
     caught: Signals,
     (socket, console): (Option<socket::Listener>, Option<TcpListen>),
 ) {
-    let lines = demo::spawn(&options, spawner);
+    let lines = demo::spawn(&options.demo, options.config.as_deref(), spawner);
     // Each pool has room for the tasks spawned here, and this runs once: no `unwrap` can fail.
     spawner.spawn(router().unwrap());
     spawner.spawn(signals(caught, store.clone()).unwrap());

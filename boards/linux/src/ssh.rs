@@ -14,27 +14,23 @@ use std::sync::{Arc, OnceLock};
 use std::thread;
 use std::time::Duration;
 
-use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
-use embassy_sync::channel::Channel;
-use embassy_sync::signal::Signal;
 use mobgate::gateway::Gateway;
 use mobgate::settings::PortId;
 use russh::keys::{Algorithm, PrivateKey};
 use russh::server::{Config, run_stream};
-use russh::{MethodKind, MethodSet, Preferred, SshId, cipher, compression, kex, mac};
+use russh::{Preferred, SshId, cipher, compression, kex, mac};
 use tokio::runtime;
 use tokio::sync::mpsc::{UnboundedReceiver, UnboundedSender, unbounded_channel};
 use tokio::time::sleep;
 
 mod client;
+mod entrant;
 mod host_key;
 mod session;
 
-use self::client::Client;
-pub use self::session::{Entrant, Who};
+use self::client::{Client, Event, News, methods};
+pub use self::entrant::{Entrant, SESSIONS_MAX, Who, next_entrant};
 
-/// Concurrent sessions.
-pub const SESSIONS_MAX: usize = 8;
 /// A client that has not logged in after this time is disconnected.
 const LOG_IN_MAX: Duration = Duration::from_secs(60);
 /// Refused attempts to log in, each with a key or a password, that end a connection.
@@ -52,8 +48,6 @@ const PACKET_BYTES_MAX: u32 = 32 * 1024;
 
 /// What the program serves connections with, once [`start`] has been called.
 static SETUP: OnceLock<Setup> = OnceLock::new();
-/// Sessions that wait for the console's tasks, which take them at once.
-static ENTRANTS: Channel<CriticalSectionRawMutex, Entrant, SESSIONS_MAX> = Channel::new();
 
 struct Setup {
     gateway: &'static Gateway<'static>,
@@ -70,15 +64,6 @@ struct Connection {
     peer: IpAddr,
     news: News,
 }
-
-/// What the thread tells about a connection.
-#[derive(Clone, Copy)]
-enum Event {
-    LoggedIn,
-    Ended,
-}
-
-type News = Arc<Signal<CriticalSectionRawMutex, Event>>;
 
 /// Shuts a connection down when dropped, which ends whatever serves it.
 struct Cut(TcpStream);
@@ -109,11 +94,6 @@ pub fn start(gateway: &'static Gateway<'static>, settings: Option<PathBuf>, at_o
     }
 }
 
-/// Waits for the next session.
-pub async fn next_entrant() -> Entrant {
-    ENTRANTS.receive().await
-}
-
 /// Serves the connection `io` until it ends; calls `logged_in` once somebody has logged in.
 pub(crate) async fn serve(io: &TcpStream, port: PortId, peer: SocketAddr, logged_in: &dyn Fn()) {
     let Some(connections) = SETUP.get().and_then(Setup::connections) else { return };
@@ -141,11 +121,6 @@ impl Setup {
         let thread = thread::Builder::new().name("ssh".into()).spawn(work);
         thread.map_err(|error| format!("no thread: {error}")).map(|_| sender)
     }
-}
-
-/// How clients may log in.
-fn methods() -> MethodSet {
-    MethodSet::from(&[MethodKind::PublicKey, MethodKind::Password][..])
 }
 
 /// Modern algorithms, and none for older clients.

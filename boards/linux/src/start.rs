@@ -28,7 +28,7 @@ pub fn read(
 ) -> Result<Option<Settings>, String> {
     let file = match &options.config {
         Some(file) if !options.demo.has_settings() => file,
-        _ => return demo::check(options).map(|()| None),
+        _ => return demo::check(&options.demo, options.config.as_deref()).map(|()| None),
     };
     let mut settings = Settings::new();
     block_on(settings::read(gateway, store, &mut settings))?;
@@ -42,7 +42,10 @@ pub fn read(
 
 /// Opens the TCP ports of `settings`, or of the demo. Fails if one cannot be opened: its user relies on it.
 pub fn listen(settings: Option<Settings>, options: &Options, sockets: &TcpSockets) -> Result<Start, String> {
-    let Some(settings) = settings else { return demo::start(options, sockets) };
+    let Some(settings) = settings else {
+        let (settings, listeners) = demo::start(&options.demo, options.listen, sockets)?;
+        return Ok(Start { settings, listeners });
+    };
     let open = |(name, at)| sockets.open(at).map_err(|error| format!("port {name}: TCP port {at}: {error}"));
     let listeners = tcp_servers(&settings).map(open).collect::<Result<_, _>>()?;
     Ok(Start { settings, listeners })

@@ -12,14 +12,13 @@ use mobgate::settings::{
     Certificate, ClientRole, Host, PortId, PortKind, Purpose, ServerAddress, Settings, TlsSettings,
 };
 use rustls::client::Resumption;
-use rustls::crypto::CryptoProvider;
-use rustls::crypto::ring::default_provider;
 use rustls::pki_types::ServerName;
 use rustls::server::NoServerSessionStorage;
 use rustls::{ClientConfig, ClientConnection, Connection, ServerConfig, ServerConnection};
 
 mod facts;
 mod files;
+mod provider;
 mod reasons;
 mod session;
 mod verify;
@@ -29,6 +28,7 @@ pub(crate) use self::session::Session;
 pub use self::watch::{run as watch, state, write};
 
 use self::files::Fault;
+use self::provider::provider;
 use self::reasons::reason;
 use self::verify::{Clients, Servers};
 use crate::descriptor::Descriptor;
@@ -117,11 +117,6 @@ fn certificate<'s>(
         certificate.purpose == purpose
             && name.as_ref().is_none_or(|name| certificate.name.eq_ignore_ascii_case(name))
     })
-}
-
-fn provider() -> Arc<CryptoProvider> {
-    static PROVIDER: OnceLock<Arc<CryptoProvider>> = OnceLock::new();
-    PROVIDER.get_or_init(|| Arc::new(default_provider())).clone()
 }
 
 fn server(settings: &Settings, kind: &PortKind, tls: &TlsSettings) -> Result<Arc<ServerConfig>, Fault> {

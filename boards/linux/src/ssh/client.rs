@@ -4,15 +4,26 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
+use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
+use embassy_sync::signal::Signal;
 use mobgate::gateway::{Credential, Gateway};
 use mobgate::hal::System;
 use russh::keys::PublicKey;
 use russh::server::{Auth, ChannelOpenHandle, Handler, Msg, PublicKeyOffer, Session, VerifiedPublicKey};
-use russh::{Channel, ChannelId, ChannelOpenFailure, Disconnect, Pty};
+use russh::{Channel, ChannelId, ChannelOpenFailure, Disconnect, MethodKind, MethodSet, Pty};
 
-use super::session::{Running, Start, Who};
-use super::{Event, News, methods};
+use super::entrant::Who;
+use super::session::{Running, Start};
 use crate::passwords;
+
+/// What the thread tells about a connection.
+#[derive(Clone, Copy)]
+pub(super) enum Event {
+    LoggedIn,
+    Ended,
+}
+
+pub(super) type News = Arc<Signal<CriticalSectionRawMutex, Event>>;
 
 /// The state of a connection.
 pub(super) struct Client {
@@ -31,6 +42,11 @@ struct Open {
     id: ChannelId,
     terminal: Option<String>,
     session: Option<Running>,
+}
+
+/// How clients may log in.
+pub(super) fn methods() -> MethodSet {
+    MethodSet::from(&[MethodKind::PublicKey, MethodKind::Password][..])
 }
 
 /// Checks passwords, and nothing else.

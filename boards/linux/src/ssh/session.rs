@@ -2,12 +2,10 @@
 //! what is shown.
 
 use std::io;
-use std::net::IpAddr;
 use std::os::unix::net::UnixStream as System;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
-use mobgate::settings::PortId;
 use russh::ChannelId;
 use russh::server::Handle;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
@@ -15,32 +13,13 @@ use tokio::net::UnixStream;
 use tokio::net::unix::{OwnedReadHalf, OwnedWriteHalf};
 use tokio::sync::mpsc::{UnboundedReceiver, UnboundedSender, unbounded_channel};
 
-use super::ENTRANTS;
+use super::entrant::{ENTRANTS, Entrant, Who};
 use crate::console::carried_out;
 use crate::file::TEXT_BYTES_MAX;
 
 /// Bytes of input that wait for the console: some settings files. The connection must not block on input, because it also carries the
 /// console's output, and a console that cannot write does not read.
 const INPUT_BYTES_MAX: usize = 4 * TEXT_BYTES_MAX;
-
-/// The authenticated user and the peer's address.
-#[derive(Debug, Clone)]
-pub struct Who {
-    pub(crate) user: String,
-    pub(crate) peer: IpAddr,
-    /// The port of the settings.
-    pub(crate) port: PortId,
-}
-
-/// An authenticated user, on the way to the console.
-#[derive(Debug)]
-pub struct Entrant {
-    /// The console's end.
-    pub(crate) stream: System,
-    pub(crate) who: Who,
-    /// Whether keys are typed at a terminal, or lines are run.
-    pub(crate) edits: bool,
-}
 
 /// What a session starts with.
 pub(super) struct Start {

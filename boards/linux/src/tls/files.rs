@@ -10,6 +10,7 @@ use rustls::pki_types::pem::PemObject;
 use rustls::pki_types::{CertificateDer, CertificateRevocationListDer, PrivateKeyDer};
 use rustls::server::VerifierBuilderError;
 
+use super::provider::provider;
 use crate::file;
 
 /// Others must have no access to a private key.
@@ -87,8 +88,7 @@ pub(crate) fn own(of: &Certificate) -> Result<(Chain, PrivateKeyDer<'static>), F
     }
     let key = PrivateKeyDer::from_pem_slice(&read(path)?)
         .map_err(|_| fault("there is no private key in it (PEM, not encrypted)"))?;
-    let provider = super::provider();
-    let signing = provider.key_provider.load_private_key(key.clone_key());
+    let signing = provider().key_provider.load_private_key(key.clone_key());
     let signing = signing.map_err(|_| fault("its private key is of no kind that is known"))?;
     match rustls::sign::CertifiedKey::new(chain.clone(), signing).keys_match() {
         Err(rustls::Error::InconsistentKeys(rustls::InconsistentKeys::KeyMismatch)) => {

@@ -45,6 +45,7 @@ pub(crate) mod direct_request;
 pub(crate) mod enter;
 mod ethercat;
 pub(crate) mod events;
+mod export;
 // As `web`.
 #[cfg(feature = "web")]
 pub(crate) mod hour;

@@ -5,8 +5,7 @@ use embassy_time::Instant;
 use embedded_io_async::Write;
 
 use super::{Capture, Following, pcapng};
-use crate::gateway::Gateway;
-use crate::settings::PortId;
+use crate::settings::Name;
 
 /// Exports the frames from now on. It never blocks others: frames overwritten before it has read them are lost, and their number is
 /// written to the file.
@@ -17,16 +16,19 @@ pub struct Export<'c> {
 }
 
 impl<'c> Export<'c> {
-    /// Writes the start of the file: the section, and each port as an interface. `None` on a board without capture.
-    pub async fn begin<W: Write>(gateway: &Gateway<'c>, out: &mut W) -> Result<Option<Self>, W::Error> {
-        let Some(capture) = gateway.capture() else { return Ok(None) };
+    /// Writes the start of the file: the section, and each port as an interface.
+    pub(crate) async fn begin<W: Write>(
+        capture: &'c Capture,
+        mut names: impl Iterator<Item = Name>,
+        out: &mut W,
+    ) -> Result<Self, W::Error> {
         let export = Self { capture, following: capture.follow(), dropped: 0 };
         out.write_all(&pcapng::header()).await?;
-        for port in 0..gateway.ports().len() {
-            let block = gateway.settings(|settings| pcapng::interface(settings.name(PortId(port as u8))));
+        // The name is not held while the block is written.
+        while let Some(block) = names.next().map(|name| pcapng::interface(&name)) {
             out.write_all(&block).await?;
         }
-        Ok(Some(export))
+        Ok(export)
     }
 
     /// Writes how many frames were lost so far: a sign of life while none come.

@@ -8,7 +8,6 @@ use picoserve::response::chunked::ChunkWriter;
 
 use super::piece::Source;
 use super::session;
-use crate::capture::Export;
 use crate::console::access::Running;
 use crate::gateway::web::Token;
 
@@ -42,7 +41,7 @@ pub(super) async fn frames<W: Stream>(
 ) -> Result<(), W::Error> {
     let mut out = Buffered { bytes: Vec::new(), writer };
     // `admit` has refused it where there is no capture.
-    let Some(mut export) = Export::begin(source.gateway, &mut out).await? else { return Ok(()) };
+    let Some(mut export) = source.gateway.export(&mut out).await? else { return Ok(()) };
     let mut told = Instant::now();
     loop {
         if !out.bytes.is_empty() {

@@ -8,8 +8,10 @@ pub(crate) const FLOORS: &[&[&str]] = &[
     &["scanner", "settings", "language", "routing"],
     // The gateway as an EtherCAT device: what it shares with the gateway.
     &["fieldbus"],
-    // What tasks share, and what a board gives.
-    &["hal", "frame", "stats", "capture", "gateway"],
+    // What a board gives; frames, counters, and what was on the wire.
+    &["hal", "frame", "stats", "capture"],
+    // What tasks share.
+    &["gateway"],
     // One role each.
     &["port"],
     // People, and systems that look at the gateway and change it.

@@ -13,7 +13,6 @@ use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
 use embassy_time::{Duration, Instant, Timer};
 use embedded_io_async::Write;
-use mobgate::capture::Export;
 use mobgate::gateway::Gateway;
 use mobgate::hal::{OpenError, OpenErrorKind};
 use rustix::fs::{Mode, OFlags, ResolveFlags, open, openat2};
@@ -71,7 +70,7 @@ pub async fn run(gateway: &Gateway<'_>, wanted: &Wanted) {
 
 async fn write(gateway: &Gateway<'_>, file: File) -> io::Result<Infallible> {
     let mut sink = Sink::new(file)?;
-    let export = Export::begin(gateway, &mut sink).await?;
+    let export = gateway.export(&mut sink).await?;
     let mut export = export.ok_or(io::Error::other("no frames are kept"))?;
     loop {
         while export.write_next(&mut sink).await? {}

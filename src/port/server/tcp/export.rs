@@ -6,7 +6,6 @@ use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Timer, with_timeout};
 
 use super::{End, Server, WRITE_PATIENCE};
-use crate::capture::Export;
 use crate::hal::TcpStream;
 
 /// Polling interval for frames. The ring is large enough for busy lines meanwhile.
@@ -17,7 +16,7 @@ impl Server<'_, '_> {
     pub(super) async fn export<S: TcpStream>(&self, stream: &mut S) -> End {
         let leave = pin!(self.connection.leave.wait());
         let export = pin!(async {
-            let mut export = match with_timeout(WRITE_PATIENCE, Export::begin(self.gateway, stream)).await {
+            let mut export = match with_timeout(WRITE_PATIENCE, self.gateway.export(stream)).await {
                 Ok(Ok(Some(export))) => export,
                 Ok(_) => return End::Left,
                 Err(_) => return End::Stalled,

@@ -58,11 +58,10 @@ const COMMANDS: Verbs<Run> = &[
             Engineer,
             "scan PORT [OPTION]...\tfinds the devices on a serial client's line
   OPTION: BAUD, units A-B, timeout T, function N
-  At each speed it tries 8E1, 8N1, 8O1 and 8N2 (ascii: 7E1, 7N2, 7O1, 8N1).
-  Without words: 9600 19200 38400 115200 57600 4800 2400 1200, units 1-247,
-  60ms and some characters, function 3. Who responds later is asked again.
-  A key or a line stops it. Meanwhile others who ask by the port get 0A;
-  behind it the port is as before, or as found if you take that over.
+  Each speed is tried as 8E1, 8N1, 8O1 and 8N2 (ascii: 7E1, 7N2, 7O1, 8N1).
+  Default: the port's own, then 9600 19200 38400 115200 57600 4800 2400 1200;
+  units 1-247, 60ms and some characters, function 3; late ones again. A key
+  or a line stops it. Others get 0A meanwhile; then the port is as before.
   scan P1 9600 19200 units 1-32",
             |session, words, job| begun(session.scan(words), job, Job::Scan),
         )

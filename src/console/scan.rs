@@ -176,13 +176,14 @@ impl Scan {
             self.end(session);
             return Wait::Sent;
         };
-        session.out.line(format_args!(
-            "{:12} about {} left",
-            line.speed(),
-            About(self.plan.time_from(self.nth))
-        ));
-        self.line = line;
         self.nth += 1;
+        if self.plan.is_again(self.nth - 1) {
+            return Wait::Sent;
+        }
+        let left = self.plan.time_from(self.nth - 1);
+        let here = About(left - self.plan.time_from(self.nth));
+        session.out.line(format_args!("{:12} about {here}; in all {} left", line.speed(), About(left)));
+        self.line = line;
         self.stage = Stage::Opening;
         Wait::Open { line, timeout: self.plan.patience(&line), alone: true }
     }

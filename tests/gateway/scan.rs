@@ -43,7 +43,7 @@ fn a_key_stops_it_and_a_session_that_is_cut_leaves_the_port_as_it_was() {
         let keys = [(Duration::from_ticks(0), "scan bus\n"), (Duration::from_secs(3), "x")];
         let shown = world.run_until(typed_slowly(rig.gateway, &keys));
         assert!(begun.elapsed() < Duration::from_millis(3_100), "{shown}");
-        assert!(shown.contains("0 units found in 3s"), "{shown}");
+        assert!(shown.contains("1 units found in 3s"), "{shown}");
         world.run_for(Duration::from_millis(10));
         assert_eq!(world.run_until(client.request(5, &READ)), Answer::Pdu(vec![3, 2, 5, 7]));
 
@@ -52,6 +52,20 @@ fn a_key_stops_it_and_a_session_that_is_cut_leaves_the_port_as_it_was() {
         world.run_for(Duration::from_millis(10));
         assert_eq!(world.run_until(client.request(5, &READ)), Answer::Pdu(vec![3, 2, 5, 7]));
         assert_eq!(rig.frames_in_use(), 0);
+    });
+}
+
+#[test]
+fn without_speeds_the_ports_own_speed_and_format_come_first_and_once() {
+    rig::with_gateway(1, SETTINGS, |world, rig| {
+        rig.attach(world, "uart1", [Device::new(5)]);
+        let shown = world.run_until(typed(rig.gateway, "scan bus units 1-9"));
+        let lines: Vec<&str> = shown.lines().filter(|line| line.contains("; in all ")).collect();
+        assert!(lines[0].starts_with("115200 8E1   about 2s; in all "), "{shown}");
+        assert!(lines[1].starts_with("9600 8E1 "), "{shown}");
+        assert_eq!(lines.len(), 8 * 4, "{shown}");
+        let [found, second] = ["unit   5 115200 8E1 ", lines[1]].map(|text| shown.find(text));
+        assert!(found.is_some() && found < second, "{shown}");
     });
 }
 
@@ -65,7 +79,7 @@ fn a_line_that_is_gone_ends_it() {
         let shown = world.run_until(scan);
         assert!(shown.contains("the line is not open any more"), "{shown}");
         let shown = world.run_until(typed(rig.gateway, "scan bus"));
-        assert!(shown.contains("9600 8E1     not found\n0 units found"), "{shown}");
+        assert!(shown.contains("115200 8E1   not found\n0 units found"), "{shown}");
         rig.end("uart1").replug();
         world.run_for(Duration::from_secs(10));
         assert_eq!(rig.ask(world, 5, &READ), Answer::Pdu(vec![3, 2, 5, 7]));

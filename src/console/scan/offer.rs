@@ -5,7 +5,7 @@ use core::fmt;
 use super::{Scan, Stage, source};
 use crate::console::session::Session;
 use crate::console::wait::Wait;
-use crate::settings::{Destination, LineSettings, Settings};
+use crate::settings::{Destination, Settings};
 
 impl Scan {
     /// Whether there are lines to apply, without a choice among them.
@@ -15,9 +15,7 @@ impl Scan {
         let is_routed =
             settings.routes.iter().any(|route| route.destination == Destination::Port(self.plan.port));
         let line = self.plan.line(usize::from(first) - 1);
-        let is_own = line.is_some_and(|line| {
-            LineSettings { gap: None, ..line } == LineSettings { gap: None, ..self.plan.own }
-        });
+        let is_own = line.is_some_and(|line| self.plan.is_own(&line));
         !is_own || !is_routed && source(settings).is_some()
     }
 

@@ -8,7 +8,7 @@ use crate::language::{Words, Wrong, number, parse_number, parse_units, time};
 use crate::modbus::pdu::function::{DIAGNOSTICS, READ_HOLDING_REGISTERS, REPORT_SERVER_ID};
 use crate::settings::{Framing, LineSettings, Parity, PortId, Settings, UnitRange};
 
-/// Default speeds, the likely ones first.
+/// Default speeds, the likely ones first, behind the port's own speed and format.
 const BAUDS: [u32; 8] = [9_600, 19_200, 38_400, 115_200, 57_600, 4_800, 2_400, 1_200];
 /// RTU formats, the likely ones first; two stop bits after one, because a receiver for one accepts two.
 const RTU_FORMATS: [Format; 4] =
@@ -34,6 +34,8 @@ pub(super) struct Plan {
     pub(super) units: UnitRange,
     pub(super) framing: Framing,
     pub(super) own: LineSettings,
+    /// Without speeds in the line the port's own speed and format come first.
+    own_first: bool,
     bauds: Vec<u32, { BAUDS.len() }>,
     timeout: Option<Duration>,
     pub(super) function: u8,
@@ -48,6 +50,7 @@ impl Plan {
             units: UnitRange { first: 1, last: 247 },
             framing: serial.framing,
             own: serial.line,
+            own_first: false,
             bauds: Vec::new(),
             timeout: None,
             function: READ_HOLDING_REGISTERS,
@@ -76,6 +79,7 @@ impl Plan {
             }
         }
         if plan.bauds.is_empty() {
+            plan.own_first = true;
             plan.bauds.extend(BAUDS);
         }
         Ok(plan)
@@ -83,11 +87,22 @@ impl Plan {
 
     /// The number of speeds and formats.
     pub(super) fn lines_count(&self) -> usize {
-        self.bauds.len() * RTU_FORMATS.len()
+        usize::from(self.own_first) + self.bauds.len() * RTU_FORMATS.len()
+    }
+
+    /// Whether the line at index `nth` was the first one already.
+    pub(super) fn is_again(&self, nth: usize) -> bool {
+        self.own_first && nth > 0 && self.line(nth).is_some_and(|line| self.is_own(&line))
+    }
+
+    /// Whether `line` has the port's own speed and format.
+    pub(super) fn is_own(&self, line: &LineSettings) -> bool {
+        LineSettings { gap: None, ..*line } == LineSettings { gap: None, ..self.own }
     }
 
     /// The line's settings at index `nth`.
     pub(super) fn line(&self, nth: usize) -> Option<LineSettings> {
+        let Some(nth) = nth.checked_sub(self.own_first.into()) else { return Some(self.own) };
         let formats = if self.framing == Framing::Rtu { &RTU_FORMATS } else { &ASCII_FORMATS };
         let baud = *self.bauds.get(nth / formats.len())?;
         let (data_bits, parity, stop_bits) = *formats.get(nth % formats.len())?;

@@ -65,7 +65,7 @@ impl fmt::Display for OpenError {
             OpenErrorKind::InUse => "in use by another program",
             OpenErrorKind::Unsupported => "settings not supported",
             OpenErrorKind::Refused => "connection refused",
-            OpenErrorKind::TimedOut => "no answer",
+            OpenErrorKind::TimedOut => "no response",
             OpenErrorKind::Exhausted => "no socket left",
             OpenErrorKind::Failed => "failed",
         })?;
@@ -227,7 +227,7 @@ pub enum StoreError {
     Edited,
     /// The stored text is corrupt.
     #[error("the saved settings are corrupt")]
-    Damaged,
+    Corrupt,
     /// The medium failed.
     #[error("writing the settings failed")]
     Failed,

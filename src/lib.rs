@@ -49,7 +49,7 @@
 //! and no memory for them. Without `ipv6` settings accept IPv4 addresses only, as on boards with their own Ethernet. Without
 //! `servers` a TCP client has one server, given by its address. Without `capture` no frames are stored. Without `paths` names of
 //! serial devices are short, as on boards. Without `web` there is no web interface; without
-//! `long-requests` its requests, and some of its answers, are shorter. Without `ssh` there are no SSH servers and no
+//! `long-requests` its requests, and some of its responses, are shorter. Without `ssh` there are no SSH servers and no
 //! public keys of users.
 //!
 //! | limit | value | why |

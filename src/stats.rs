@@ -21,7 +21,7 @@ pub enum Event {
     #[strum(serialize = "requests")]
     Request,
     /// A response was sent to an outside client, or received from an outside server; includes exceptions.
-    #[strum(serialize = "answers")]
+    #[strum(serialize = "responses")]
     Response,
     /// Of the responses, those that are exceptions.
     #[strum(serialize = "exceptions")]
@@ -35,7 +35,6 @@ pub enum Event {
     #[strum(serialize = "overruns")]
     Overrun,
     /// A response that was corrupt or truncated.
-    #[strum(serialize = "damaged")]
     Corrupt,
     /// Of the corrupt responses, those with a bad CRC or LRC.
     #[strum(serialize = "bad-crc")]

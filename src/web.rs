@@ -2,12 +2,11 @@
 //!
 //! A request passes `guard` (its host and origin), `api` (its path, its user and the user's role), and one of the `calls`,
 //! which do what the console's commands do, by the same tables, candidate and direct requests. What they return is an
-//! `answer`, sent row by row. The framing is picoserve's, over the board's streams.
+//! `response`, sent row by row. The framing is picoserve's, over the board's streams.
 
 // A refusal is a whole HTTP response, as large as any other, because there is no heap.
 #![allow(clippy::result_large_err)]
 
-mod answer;
 mod api;
 mod calls;
 mod candidate;
@@ -17,6 +16,7 @@ mod job;
 mod json;
 mod lines;
 mod metrics;
+mod response;
 // Replaced by a stub in images without the page.
 #[cfg_attr(not(feature = "page"), path = "web/no_page.rs")]
 mod page;

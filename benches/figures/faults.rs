@@ -1,4 +1,4 @@
-//! Random faults, and how many answers were not the response to their request.
+//! Random faults, and how many responses were not the response to their request.
 
 use mobgate_simulator::device::Fresh;
 
@@ -38,8 +38,8 @@ pub(crate) fn figures() {
         let trials = run(&settings, &faults);
         let total = f64::from(trials.good + trials.refused + trials.stale + trials.wrong);
         figure(&format!("{name}_trials"), total, "trials", Target::AtLeast(f64::from(TRIALS)));
-        figure(&format!("{name}_stale"), f64::from(trials.stale), "answers", Target::AtMost(0.0));
-        figure(&format!("{name}_wrong"), f64::from(trials.wrong), "answers", Target::AtMost(0.0));
+        figure(&format!("{name}_stale"), f64::from(trials.stale), "responses", Target::AtMost(0.0));
+        figure(&format!("{name}_wrong"), f64::from(trials.wrong), "responses", Target::AtMost(0.0));
         // The faults must really have hit, and must not have hit always.
         let share = f64::from(trials.good) / total;
         figure(&format!("{name}_answered"), 100.0 * share, "%", Target::AtLeast(40.0));
@@ -72,12 +72,12 @@ fn run(settings: &str, faults: &[Fault]) -> Trials {
 async fn trial(client: &mut Client, unit: usize, pause_ms: u64, last_reads: &mut u32, trials: &mut Trials) {
     Timer::after_millis(pause_ms).await;
     let asked_us = Instant::now().as_micros() as u32;
-    let answer = client.request(unit as u8 + 1, &[3, 0, FRESH as u8, 0, Fresh::REGISTERS as u8]).await;
-    let Answer::Pdu(pdu) = &answer else {
+    let response = client.request(unit as u8 + 1, &[3, 0, FRESH as u8, 0, Fresh::REGISTERS as u8]).await;
+    let Response::Pdu(pdu) = &response else {
         trials.wrong += 1;
         return;
     };
-    match (Fresh::from_response(pdu), answer.exception()) {
+    match (Fresh::from_response(pdu), response.exception()) {
         // Read before it was asked for, as the device's own clock and count tell.
         (Some(fresh), _)
             if fresh.at_us.wrapping_sub(asked_us) > u32::MAX / 2 || fresh.reads <= *last_reads =>

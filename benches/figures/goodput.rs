@@ -1,4 +1,4 @@
-//! A long run on a line whose device is strict: two frames with less than t3.5 between them it takes for one, which is damaged.
+//! A long run on a line whose device is strict: two frames with less than t3.5 between them it takes for one, which is corrupt.
 //! Every request must be answered, and none may come too early.
 
 use crate::line::{Speed, TURNAROUND, read, seconds};
@@ -24,7 +24,7 @@ pub(crate) fn figures() {
                 })
             })
             .collect();
-        let good: u64 = clients.into_iter().map(|client| world.run_until(client).answers).sum();
+        let good: u64 = clients.into_iter().map(|client| world.run_until(client).responses).sum();
         let counters = device.counters();
         let sent = rig.sent("bus");
         figure("strict_requests", sent.frames as f64, "requests", Target::AtLeast(TRANSACTIONS.into()));

@@ -1,4 +1,4 @@
-//! Devices that respond in order, but however late: how many answers were not the response to their request, and how many good ones
+//! Devices that respond in order, but however late: how many responses were not the response to their request, and how many good ones
 //! there are beside those of an ideal client, whose requests would have transaction numbers.
 //!
 //! The ideal client is computed and not simulated: on the same line it asks the same kind of device, whose faults have the same
@@ -191,9 +191,9 @@ pub(crate) fn figures() {
         let wanted = if least > 0.0 { Target::AtLeast(TRANSACTIONS as f64) } else { Target::None };
         figure(&format!("{name}_transactions"), transactions, "requests", wanted);
         let wrong = if least > 0.0 { Target::AtMost(0.0) } else { Target::None };
-        figure(&format!("{name}_wrong"), sum.wrong as f64, "answers", wrong);
+        figure(&format!("{name}_wrong"), sum.wrong as f64, "responses", wrong);
         let hours = |good: f64| good / (LENGTH.as_secs() as f64 / 3_600.0);
-        figure(&format!("{name}_good_per_hour"), hours(sum.compared), "answers", Target::None);
+        figure(&format!("{name}_good_per_hour"), hours(sum.compared), "responses", Target::None);
         let bound = if least > 0.0 { Target::AtLeast(least) } else { Target::None };
         figure(&format!("{name}_over_ideal"), sum.compared / sum.ideal, "x", bound);
     }
@@ -244,15 +244,15 @@ fn master<'w>(world: &World<'w>, rig: &Rig<'w>, until: Instant) -> Task<u64> {
         let mut wrong = 0;
         while Instant::now() < until {
             let asked = Instant::now();
-            let answer = master.request(1, &READ).await;
-            wrong += u64::from(is_good(&READ, asked, &answer) == Some(false));
+            let response = master.request(1, &READ).await;
+            wrong += u64::from(is_good(&READ, asked, &response) == Some(false));
             Timer::after(PAUSE).await;
         }
         wrong
     })
 }
 
-/// Asks until `until`; how many answers were good, and how many were wrong.
+/// Asks until `until`; how many responses were good, and how many were wrong.
 async fn ask(mut client: Client, equal: bool, mut random: Random, until: Instant) -> (u64, u64) {
     let (mut good, mut wrong) = (0, 0);
     while Instant::now() < until {
@@ -279,12 +279,12 @@ fn draw(equal: bool, random: &mut Random) -> Vec<u8> {
     }
 }
 
-/// Whether `answer` is one to `request`, which was `asked` then; none where there was an exception.
-fn is_good(request: &[u8], asked: Instant, answer: &Answer) -> Option<bool> {
-    if answer.exception().is_some() || matches!(answer, Answer::Silence) {
+/// Whether `response` is one to `request`, which was `asked` then; none where there was an exception.
+fn is_good(request: &[u8], asked: Instant, response: &Response) -> Option<bool> {
+    if response.exception().is_some() || matches!(response, Response::Silence) {
         return None;
     }
-    let Answer::Pdu(pdu) = answer else { return Some(false) };
+    let Response::Pdu(pdu) = response else { return Some(false) };
     Some(match *request {
         [3, 0, 100, 0, 4] => Fresh::from_response(pdu)
             .is_some_and(|fresh| fresh.at_us.wrapping_sub(asked.as_micros() as u32) < u32::MAX / 2),
@@ -316,7 +316,7 @@ fn slow() {
             world.spawn(ask(client, equal, Random::new(u64::from(equal)), until))
         });
         let wrong: u64 = clients.into_iter().map(|client| world.run_until(client).1).sum();
-        figure("slow_device_wrong", wrong as f64, "answers", Target::AtMost(0.0));
+        figure("slow_device_wrong", wrong as f64, "responses", Target::AtMost(0.0));
         let shown = world.run_until(typed(rig.gateway, "show units\n"));
         let named = shown.contains("slower than its time-out: tune");
         figure("slow_device_named", f64::from(u8::from(named)), "-", Target::AtLeast(1.0));
@@ -347,10 +347,10 @@ pub(crate) fn behind_a_time_out() {
         let first = world.spawn(async move { (first.request(1, &READ).await, Instant::now()) });
         world.run_for(Duration::from_millis(10));
         let second = world.spawn(async move { (second.request(1, &OTHER).await, Instant::now()) });
-        let (answer, failed) = world.run_until(first);
-        assert_eq!(answer.exception(), Some(11), "its answer was lost");
-        let (answer, at) = world.run_until(second);
-        assert_eq!(answer.exception(), None);
+        let (response, failed) = world.run_until(first);
+        assert_eq!(response.exception(), Some(11), "its response was lost");
+        let (response, at) = world.run_until(second);
+        assert_eq!(response.exception(), None);
         let milliseconds = |time: Duration| time.as_micros() as f64 / 1_000.0;
         let most = Target::AtMost(milliseconds(alone));
         figure("second_client_behind_a_time_out", milliseconds(at - failed), "ms", most);

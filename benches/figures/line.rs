@@ -6,7 +6,7 @@ use mobgate_simulator::timing::{char_bits, t3_5_ns};
 use crate::prelude::*;
 
 const BAUDS: [u32; 3] = [9_600, 19_200, 115_200];
-/// The device answers so long after it has seen t3.5 of silence.
+/// The device responds so long after it has seen t3.5 of silence.
 pub(crate) const TURNAROUND: Duration = Duration::from_millis(1);
 /// A line that was opened asks nobody for `late-window`.
 pub(crate) const DISCARDS: Duration = Duration::from_secs(1);
@@ -132,7 +132,7 @@ fn exception(speed: &Speed) {
 async fn timed(client: &mut Client, pause: Duration, pdu: &[u8]) -> f64 {
     Timer::after(pause).await;
     let asked = Instant::now();
-    let answer = client.request(1, pdu).await;
-    assert!(matches!(answer, Answer::Pdu(_)), "{answer:?}");
+    let response = client.request(1, pdu).await;
+    assert!(matches!(response, Response::Pdu(_)), "{response:?}");
     seconds(asked.elapsed())
 }

@@ -1,4 +1,4 @@
-//! Clients that read the same registers, or neighbouring ones: how many answers a transaction on the bus gives, and whether
+//! Clients that read the same registers, or neighbouring ones: how many responses a transaction on the bus gives, and whether
 //! each is new and its requester's own.
 
 use std::cell::{Cell, RefCell};
@@ -21,10 +21,10 @@ const FRESH: u8 = 100;
 /// What the clients saw.
 #[derive(Default)]
 struct Seen {
-    answers: u64,
-    /// Answers that the device gave before they were asked for.
+    responses: u64,
+    /// Responses that the device gave before they were asked for.
     stale: u64,
-    /// Exceptions, and answers of another length.
+    /// Exceptions, and responses of another length.
     wrong: u64,
     latencies: Latencies,
 }
@@ -48,7 +48,7 @@ fn identical() {
             world.spawn(async move {
                 let mut asked = Instant::now();
                 let next = || (1, vec![3, 0, FRESH, 0, REGISTERS]);
-                let note = |_, pdu: &[u8], answer: &_| seen.borrow_mut().note(&mut asked, pdu, answer);
+                let note = |_, pdu: &[u8], response: &_| seen.borrow_mut().note(&mut asked, pdu, response);
                 ClosedLoop::until(until).run(&mut client, next, note).await
             });
         }
@@ -56,11 +56,11 @@ fn identical() {
         let seen = seen.borrow();
         let transactions = device.counters().requests[3] as f64;
         let legal = 1.0 / speed.period();
-        figure("merged_answers_per_s", seen.answers as f64 / seconds(RUN), "/s", Target::AtLeast(4_000.0));
+        figure("merged_answers_per_s", seen.responses as f64 / seconds(RUN), "/s", Target::AtLeast(4_000.0));
         let most = Target::AtMost((legal * 10.0).round() / 10.0);
         figure("merged_bus_rate", transactions / seconds(RUN), "/s", most);
-        figure("merged_stale", seen.stale as f64, "answers", Target::AtMost(0.0));
-        figure("merged_wrong", seen.wrong as f64, "answers", Target::AtMost(0.0));
+        figure("merged_stale", seen.stale as f64, "responses", Target::AtMost(0.0));
+        figure("merged_wrong", seen.wrong as f64, "responses", Target::AtMost(0.0));
         // A request that has just missed a transaction waits for its end and for the next one.
         let p99 = seen.latencies.percentile(99.0).map_or(f64::MAX, seconds);
         figure("merged_p99", p99 / speed.period(), "periods", Target::AtMost(2.0));
@@ -92,7 +92,8 @@ fn adjacent() {
                         let block = (nth % u64::from(NEIGHBOURS)) as u8;
                         (1, vec![3, 0, FRESH + REGISTERS * block, 0, REGISTERS])
                     };
-                    let note = |_, pdu: &[u8], answer: &_| seen.borrow_mut().note(&mut asked, pdu, answer);
+                    let note =
+                        |_, pdu: &[u8], response: &_| seen.borrow_mut().note(&mut asked, pdu, response);
                     ClosedLoop::until(until).run(&mut client, next, note).await
                 });
             }
@@ -103,7 +104,7 @@ fn adjacent() {
         })
     });
     let (transactions, gap) = transactions;
-    let rate = |seen: &Seen| seen.answers as f64 / seconds(RUN);
+    let rate = |seen: &Seen| seen.responses as f64 / seconds(RUN);
     // One transaction for all is the most that the line can do for them.
     let longest = speed.period_of(NEIGHBOURS * REGISTERS);
     let legal = (f64::from(NEIGHBOURS) / longest).floor();
@@ -111,8 +112,8 @@ fn adjacent() {
     figure("joined_answers_per_s", rate(&joined), "/s", Target::AtLeast(legal));
     figure("joined_bus_rate", transactions, "/s", Target::AtMost((10.0 / longest).round() / 10.0));
     figure("joined_gain", rate(&joined) / rate(&alone), "x", Target::AtLeast(2.5));
-    figure("joined_stale", joined.stale as f64, "answers", Target::AtMost(0.0));
-    figure("joined_wrong", joined.wrong as f64, "answers", Target::AtMost(0.0));
+    figure("joined_stale", joined.stale as f64, "responses", Target::AtMost(0.0));
+    figure("joined_wrong", joined.wrong as f64, "responses", Target::AtMost(0.0));
     let p99 = |seen: &Seen| seen.latencies.percentile(99.0).map_or(f64::MAX, seconds);
     figure("joined_p99", p99(&joined) / p99(&alone), "x", Target::AtMost(1.0));
     figure("joined_shortest_gap", gap, "t3.5", Target::AtLeast(1.0));
@@ -120,15 +121,15 @@ fn adjacent() {
 
 impl Seen {
     /// Looks at the response to `request`, which was asked at `asked`; the next question follows at once.
-    fn note(&mut self, asked: &mut Instant, request: &[u8], answer: &Answer) {
+    fn note(&mut self, asked: &mut Instant, request: &[u8], response: &Response) {
         let now = Instant::now();
-        let (Answer::Pdu(pdu), [_, _, block, ..]) = (answer, request) else { return self.wrong += 1 };
+        let (Response::Pdu(pdu), [_, _, block, ..]) = (response, request) else { return self.wrong += 1 };
         match fresh(pdu) {
             Some(fresh) if *block == FRESH => {
-                self.answers += 1;
+                self.responses += 1;
                 self.stale += u64::from(u64::from(fresh.at_us) < asked.as_micros());
             }
-            _ if *block != FRESH && is_block(pdu, *block) => self.answers += 1,
+            _ if *block != FRESH && is_block(pdu, *block) => self.responses += 1,
             _ => self.wrong += 1,
         }
         self.latencies.note(now - *asked);

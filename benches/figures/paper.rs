@@ -15,7 +15,7 @@ use formula::{Line, cut_through, direct, store_and_forward};
 
 const BAUDS: [u32; 3] = [9_600, 19_200, 115_200];
 const REGISTERS: [u8; 3] = [1, 10, 125];
-/// The device answers so long after it has heard the end of the request.
+/// The device responds so long after it has heard the end of the request.
 const TURNAROUND: f64 = 0.001;
 /// The clock's tick. No frame begins between two: the copy of one that arrives begins at the tick after the moment that the paper's
 /// formula gives, in the formulas here as well.
@@ -111,8 +111,8 @@ fn goodput(baud: u32) {
         let mut master = rig.master("w0@0");
         asked = 1_000;
         for _ in 0..asked {
-            let answer = world.run_until(master.request(UNIT, &read(10)));
-            answered += u32::from(matches!(answer, Answer::Pdu(_)));
+            let response = world.run_until(master.request(UNIT, &read(10)));
+            answered += u32::from(matches!(response, Response::Pdu(_)));
         }
         assert_eq!(device.counters().bad_crc + device.counters().gap_inside, 0);
         let t3_5 = Line::rtu(baud).t3_5();

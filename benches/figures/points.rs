@@ -127,15 +127,15 @@ fn memory() {
         let mut asked = Duration::from_ticks(0);
         for _ in 0..READS {
             let sent = Instant::now();
-            let answer = world.run_until(client.request(1, &[4, 0, 0, 0, 10]));
+            let response = world.run_until(client.request(1, &[4, 0, 0, 0, 10]));
             asked += sent.elapsed();
-            wrong += u32::from(!matches!(&answer, Answer::Pdu(pdu) if pdu[..6] == [4, 20, 1, 0, 1, 1]));
+            wrong += u32::from(!matches!(&response, Response::Pdu(pdu) if pdu[..6] == [4, 20, 1, 0, 1, 1]));
             let age = scanner(rig, |scanner| scanner.age(RowId(0), Instant::now()));
             oldest = oldest.max(age.unwrap_or(start.elapsed()));
             world.run_for(MS);
         }
         figure("points_memory_read", seconds(asked / READS) * 1e3, "ms", Target::AtMost(0.1));
         figure("points_memory_oldest", seconds(oldest) * 1e3, "ms", Target::AtMost(205.0));
-        figure("points_memory_wrong", wrong.into(), "answers", Target::AtMost(0.0));
+        figure("points_memory_wrong", wrong.into(), "responses", Target::AtMost(0.0));
     });
 }

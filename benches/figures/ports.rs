@@ -26,14 +26,14 @@ pub(crate) fn figures() {
         assert!(are_busy, "lines of {baud} baud are idle: {all:?}");
         let ratio = sum(&all) / sum(&carried(baud, 1, None));
         figure(&format!("ports_{LINES}_over_1_{baud}"), ratio, "x", Target::AtLeast(3.98));
-        for trouble in [Trouble::Dead, Trouble::Babbling, Trouble::Noise] {
-            let beside = carried(baud, LINES, Some(trouble));
+        for fault in [LineFault::Dead, LineFault::Babbling, LineFault::Noise] {
+            let beside = carried(baud, LINES, Some(fault));
             let mut shares = beside.iter().zip(&all).map(|(beside, alone)| beside / alone);
             let disturbed = shares.next_back().unwrap_or(1.0);
-            assert!(disturbed <= DISTURBED, "{trouble:?} leaves its line {disturbed} at {baud} baud");
+            assert!(disturbed <= DISTURBED, "{fault:?} leaves its line {disturbed} at {baud} baud");
             // The line that suffers most.
             let share = shares.fold(1.0, f64::min);
-            let name = format!("beside_{trouble:?}_port_{baud}").to_lowercase();
+            let name = format!("beside_{fault:?}_port_{baud}").to_lowercase();
             figure(&name, 100.0 * share, "%", Target::AtLeast(95.0));
         }
     }
@@ -41,8 +41,8 @@ pub(crate) fn figures() {
 
 /// What is wrong with the last line.
 #[derive(Debug, Clone, Copy)]
-enum Trouble {
-    /// Its device does not answer.
+enum LineFault {
+    /// Its device does not respond.
     Dead,
     /// Somebody on it never stops sending.
     Babbling,
@@ -55,7 +55,7 @@ fn sum(carried: &[f64]) -> f64 {
 }
 
 /// Transactions on each line, when so many of them are busy.
-fn carried(baud: u32, busy: u8, trouble: Option<Trouble>) -> Vec<f64> {
+fn carried(baud: u32, busy: u8, fault: Option<LineFault>) -> Vec<f64> {
     let line =
         |nth| format!("port P{nth} serial bus{nth} rtu client {baud} 8E1\nroute P502 {nth} * * P{nth}\n");
     let lines: String = (1..=LINES).map(line).collect();
@@ -71,27 +71,27 @@ fn carried(baud: u32, busy: u8, trouble: Option<Trouble>) -> Vec<f64> {
         let last = format!("bus{LINES}");
         let noise =
             |pause| babble(rig.wire(&last).tap(rig.end(&last).line()), Random::new(17), NOISE_BYTES, pause);
-        match trouble {
+        match fault {
             None => {}
-            Some(Trouble::Dead) => {
+            Some(LineFault::Dead) => {
                 devices[usize::from(LINES) - 1].set_faults(Faults::new(17).with(When::Always, Fault::Dead));
             }
-            Some(Trouble::Babbling) => drop(world.spawn(noise(Duration::from_ticks(0)))),
-            Some(Trouble::Noise) => drop(world.spawn(noise(NOISE_PAUSE))),
+            Some(LineFault::Babbling) => drop(world.spawn(noise(Duration::from_ticks(0)))),
+            Some(LineFault::Noise) => drop(world.spawn(noise(NOISE_PAUSE))),
         }
         let until = Instant::now() + RUN;
         for host in 1..=busy * CLIENTS {
             let mut client = rig.client(machine(host), 502);
             let unit = 1 + (host - 1) / CLIENTS;
             // Who is refused at once would ask again at once, and time stood still.
-            let patience = if trouble.is_some() && unit == LINES { THOUGHT } else { Duration::from_ticks(0) };
+            let patience = if fault.is_some() && unit == LINES { THOUGHT } else { Duration::from_ticks(0) };
             let load = ClosedLoop::until(until).thinking(patience);
             world.spawn(
                 async move { load.run(&mut client, || (unit, read(host).to_vec()), |_, _, _| {}).await },
             );
         }
         world.run_for(RUN);
-        if let Some(Trouble::Babbling) = trouble {
+        if let Some(LineFault::Babbling) = fault {
             assert!(seconds(rig.wire(&last).busy()) >= 0.99 * seconds(RUN), "somebody sends all the time");
         }
         devices.iter().map(|device| device.counters().requests[3] as f64).collect()

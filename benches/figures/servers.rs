@@ -5,11 +5,11 @@ use mobgate_simulator::net::Path;
 use crate::prelude::*;
 
 const STATIONS: u8 = 64;
-/// Behind these nobody answers, not even with a refusal.
+/// Behind these nobody responds, not even with a refusal.
 const DEAD: [u8; 2] = [20, 41];
 const SOCKETS: u64 = 8;
 const PERIOD: Duration = Duration::from_secs(1);
-const ANSWER: Duration = Duration::from_millis(20);
+const RESPONSE: Duration = Duration::from_millis(20);
 /// A handshake takes two of these.
 const LATENCY: Duration = Duration::from_micros(2_500);
 const POLLS: u32 = 600;
@@ -43,7 +43,7 @@ fn settings() -> String {
     )
 }
 
-/// The share of the polls of living stations whose answers came before the next poll was due, in per cent; the longest that one
+/// The share of the polls of living stations whose responses came before the next poll was due, in per cent; the longest that one
 /// took; and the most sockets in use at a time.
 fn poll(polls: Polls) -> (f64, Duration, u64) {
     with_gateway(1, &settings(), |world, rig| {
@@ -65,9 +65,10 @@ fn poll(polls: Polls) -> (f64, Duration, u64) {
                     let (mut on_time, mut worst) = (0, Duration::from_ticks(0));
                     for nth in 0..POLLS {
                         Timer::at(start + PERIOD * nth).await;
-                        let answer = client.request(unit, &READ).await;
+                        let response = client.request(unit, &READ).await;
                         let took = (start + PERIOD * nth).elapsed();
-                        let is_good = matches!(&answer, Answer::Pdu(pdu) if pdu.starts_with(&[3, 20, unit]));
+                        let is_good =
+                            matches!(&response, Response::Pdu(pdu) if pdu.starts_with(&[3, 20, unit]));
                         on_time += u32::from(is_good && took < PERIOD);
                         worst = worst.max(took);
                     }
@@ -90,5 +91,5 @@ fn poll(polls: Polls) -> (f64, Duration, u64) {
 fn attach<'w>(world: &World<'w>, rig: &Rig<'w>, unit: u8) {
     let address = format!("10.0.1.{unit}:502");
     rig.network.set_path(address.parse().unwrap(), Path { latency: LATENCY, ..Path::default() });
-    rig.attach_tcp(world, &address, [Device::new(unit).with_turnaround(ANSWER)]);
+    rig.attach_tcp(world, &address, [Device::new(unit).with_turnaround(RESPONSE)]);
 }

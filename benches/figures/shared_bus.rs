@@ -19,7 +19,7 @@ pub(crate) fn figures() {
         };
         let total = f64::from(outcome.transactions);
         value("transactions", total, "transactions", Target::AtLeast(f64::from(TRANSACTIONS)));
-        value("others_answered", f64::from(outcome.unsolicited), "answers", Target::AtMost(0.0));
+        value("others_answered", f64::from(outcome.unsolicited), "responses", Target::AtMost(0.0));
         value("ours_missed", f64::from(outcome.missed), "requests", Target::AtMost(0.0));
         value("collisions", outcome.collisions as f64, "characters", Target::AtMost(0.0));
         // Both kinds must really have been asked for.

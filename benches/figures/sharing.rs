@@ -70,9 +70,9 @@ fn among_flooders(name: &str, rule: &str, flood: &str, depth: usize, periods: f6
             world.run_for(Duration::from_secs(10));
             let begin = Instant::now();
             let start = device.counters().all_requests();
-            let (latencies, answers) = world.run_until(ask_now_and_then(rig.client(machine(200), 502)));
+            let (latencies, responses) = world.run_until(ask_now_and_then(rig.client(machine(200), 502)));
             let served = (device.counters().all_requests() - start) as f64;
-            assert_eq!(answers, ASKED, "answers without exception");
+            assert_eq!(responses, ASKED, "responses without exception");
             let p99 = latencies.percentile(99.0).map_or(f64::MAX, seconds);
             let name = format!("{name}_p99_{baud}_{flood}_flood");
             figure(&name, p99 / speed.period(), "periods", Target::AtMost(periods));
@@ -86,15 +86,15 @@ fn among_flooders(name: &str, rule: &str, flood: &str, depth: usize, periods: f6
 /// Asks [`ASKED`] times with random pauses; how long the responses took, and how many were no exceptions.
 async fn ask_now_and_then(mut client: Client) -> (Latencies, usize) {
     let mut random = Random::new(21);
-    let (mut latencies, mut answers) = (Latencies::default(), 0);
+    let (mut latencies, mut responses) = (Latencies::default(), 0);
     for _ in 0..ASKED {
         Timer::after_micros(random.within(2_500_000..=3_500_000)).await;
         let asked = Instant::now();
-        let answer = client.request(1, &read(0)).await;
+        let response = client.request(1, &read(0)).await;
         latencies.note(asked.elapsed());
-        answers += usize::from(matches!(answer, Answer::Pdu(_)) && answer.exception().is_none());
+        responses += usize::from(matches!(response, Response::Pdu(_)) && response.exception().is_none());
     }
-    (latencies, answers)
+    (latencies, responses)
 }
 
 /// Keeps `depth` requests open, for ever. No two of all that are open are for the same registers.

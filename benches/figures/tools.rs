@@ -1,5 +1,5 @@
 //! The field tools: what `scan` finds on an unknown line and how long it takes, and how near the time-out that `tune` proposes is to
-//! what 999 of 1000 answers need.
+//! what 999 of 1000 responses need.
 
 use mobgate::settings::{LineSettings, Parity};
 use mobgate_simulator::console::typed;
@@ -11,7 +11,7 @@ use crate::prelude::*;
 /// From the end of a request to the first character of its response, besides the device's own time: t3.5 and a character.
 const AROUND_US: f64 = 2_006.0 + 573.0;
 const TURNAROUND: Duration = Duration::from_millis(5);
-/// Of each kind of device so many are measured, and nine of ten are at most, or at least, what is told: what 2 000 answers tell of the
+/// Of each kind of device so many are measured, and nine of ten are at most, or at least, what is told: what 2 000 responses tell of the
 /// slowest one in 1 000 has a standard deviation of 9 % where they are exponential.
 const DRAWS: u64 = 20;
 

@@ -69,7 +69,7 @@ impl Question {
                     }
                     _ if self.ask == Ask::Read => {}
                     _ => {
-                        session.out.line(format_args!("unit {unit}: answer after {took}"));
+                        session.out.line(format_args!("unit {unit}: response after {took}"));
                         return Wait::End;
                     }
                 }

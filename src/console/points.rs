@@ -27,7 +27,7 @@ const POLL: Duration = Duration::from_millis(10);
 /// Polling interval of `watch`.
 const WATCH: Duration = Duration::from_millis(100);
 const POINTS: &str = "POINT\tWHERE\tTABLE\tWIRE\tMODICON\tSTATUS; VALUES";
-const DEVICES: &str = "DEVICE\tUNIT\tREQUESTS\tANSWERS\tEXCEPTIONS\tFAILURES\tHEARD\tSTATE";
+const DEVICES: &str = "DEVICE\tUNIT\tREQUESTS\tRESPONSES\tEXCEPTIONS\tFAILURES\tHEARD\tSTATE";
 /// Columns of the tables without the last ones.
 pub(super) const COLUMNS: Columns = &[15, 15, 8, -6, -7];
 pub(super) const DEVICE_COLUMNS: Columns = &[15, -4, -10, -10, -10, -10, -9];

@@ -172,9 +172,9 @@ impl fmt::Display for LogRow<'_> {
         let (source, destination) = (name(entry.source), entry.destination.map_or("-", name));
         write!(f, "{source}\t{unit}\t{destination}\t{target}\t{function}\t{took}\t")?;
         match entry.outcome {
-            Outcome::Response => f.write_str("answer"),
+            Outcome::Response => f.write_str("response"),
             Outcome::Exception(exception) => write!(f, "{exception}"),
-            Outcome::Silence => f.write_str("no answer due"),
+            Outcome::Silence => f.write_str("no response due"),
             Outcome::RequesterGone => f.write_str("requester gone"),
         }
     }

@@ -238,7 +238,7 @@ const fn columns(what: Show) -> Columns {
 const PORTS: &str = "PORT\tROLE\tWHERE\tLINE\tSTATUS";
 const SERVER_LINES: &str = "PORT\tUNITS\tTAG\tWHERE\tSTATUS";
 const ROUTES: &str = "NO\tSOURCE\tUNITS\tIP\tTAG\tDESTINATION\tKIND\tPOLICY";
-const UNITS: &str = "PORT\tUNIT\tSTATE\tREQUESTS\tANSWERS\tEXCEPTIONS\tTIMEOUTS\tLAST\tP50\tP99\tTROUBLES";
+const UNITS: &str = "PORT\tUNIT\tSTATE\tREQUESTS\tRESPONSES\tEXCEPTIONS\tTIMEOUTS\tLAST\tP50\tP99\tERRORS";
 const CLIENTS: &str = "PORT\tPEER\tSINCE\tQUIET\tOPEN\tREQUESTS\tPLACE";
 const STATS: &str = "PORT\tEVENT\tCOUNT\tPER-MINUTE";
 const NETWORK: &str = "LINK\tADDRESS\tGATEWAY\tETHERNET\tSETTING";
@@ -289,12 +289,12 @@ fn unit(source: &Source<'_, '_>, nth: usize, out: &mut dyn fmt::Write) -> Writte
     let Unit { id, requests, responses, exceptions, timeouts, .. } = unit;
     let last = took((responses > 0).then_some(unit.took_us));
     let (half, most) = (took(unit.times.percentile(50)), took(unit.times.percentile(99)));
-    let ((state, advice), troubles) = (describe_unit(&unit, state), LineErrors(&unit));
+    let ((state, advice), errors) = (describe_unit(&unit, state), LineErrors(&unit));
     let gap = if advice.is_empty() || unit.errors().next().is_none() { "" } else { "; " };
     Some(write!(
         out,
         "{}\t{id}\t{state}\t{requests}\t{responses}\t{exceptions}\t{timeouts}\t{last}\t{half}\t{most}\t\
-         {troubles}{gap}{advice}",
+         {errors}{gap}{advice}",
         port.name
     ))
 }

@@ -246,7 +246,7 @@ impl Tune {
                 self.begin(Stage::Function(nth + 1), TRIES, TRIES);
                 return self.ask(session);
             }
-            Stage::Function(_) => session.out.line(format_args!("unit {unit}: no answer")),
+            Stage::Function(_) => session.out.line(format_args!("unit {unit}: no response")),
             Stage::Gap if lost <= GAP_LOST_MAX => {
                 self.begin(Stage::Times, self.count, LOST_MAX);
                 return self.ask(session);
@@ -256,13 +256,13 @@ impl Tune {
                 return self.open();
             }
             Stage::Gap => {
-                session.out.line(format_args!("unit {unit}: no gap helps: see its troubles in show units"))
+                session.out.line(format_args!("unit {unit}: no gap helps: see its errors in show units"))
             }
             _ => {
                 let (mean, p999) = (Time(sum / count.max(1)), took(tail.p999()));
                 let function = self.function.unwrap_or(READ_HOLDING_REGISTERS);
                 session.out.line(format_args!(
-                    "unit {unit}: {count} answers by function {function}, {lost} lost; {mean} on the average, 999 of 1000 within {p999}"
+                    "unit {unit}: {count} responses by function {function}, {lost} lost; {mean} on the average, 999 of 1000 within {p999}"
                 ));
                 self.p999_us = self.p999_us.max(tail.p999().unwrap_or(0));
                 if self.gap > self.least_gap() {

@@ -104,7 +104,7 @@ const REQUEST: &[Entry] = &[
         ..Entry::reading("UnitAndPdu", DataType::OctetsUpTo(REQUEST_BYTES_MAX as u16))
     },
     Entry::reading("State", DataType::U8),
-    Entry::reading("AnswerPdu", DataType::OctetsUpTo(PDU_BYTES_MAX as u16)),
+    Entry::reading("ResponsePdu", DataType::OctetsUpTo(PDU_BYTES_MAX as u16)),
     Entry::reading("Error", DataType::U8),
     // Number of bytes of 2034h that form the request to send.
     Entry::setting("SendParts", DataType::U8, 0, (2, REQUEST_BYTES_MAX as u32)).with_access(Access::WRITE),

@@ -136,9 +136,9 @@ impl Requests {
     pub(super) fn copy_response(&self, into: &mut [u8]) -> usize {
         self.with(|current| {
             let there = matches!(current.state, RequestState::Answered | RequestState::Exception);
-            let answer = if there { &current.bytes[..] } else { &[] };
-            into.iter_mut().zip(answer).for_each(|(shared, byte)| *shared = *byte);
-            answer.len().min(into.len())
+            let response = if there { &current.bytes[..] } else { &[] };
+            into.iter_mut().zip(response).for_each(|(shared, byte)| *shared = *byte);
+            response.len().min(into.len())
         })
     }
 
@@ -171,10 +171,10 @@ impl Requests {
             let broadcast = current.bytes.first() == Some(&0);
             current.bytes.clear();
             (current.state, current.error) = match outcome {
-                Ok(answer) => {
-                    let exception = answer.first().is_some_and(|function| function & EXCEPTION_BIT != 0);
+                Ok(response) => {
+                    let exception = response.first().is_some_and(|function| function & EXCEPTION_BIT != 0);
                     // A PDU fits.
-                    let _ = current.bytes.extend_from_slice(answer);
+                    let _ = current.bytes.extend_from_slice(response);
                     (if exception { RequestState::Exception } else { RequestState::Answered }, 0)
                 }
                 // A broadcast without response counts as successful (Serial Line, 2.1).

@@ -105,11 +105,11 @@ pub(super) const HEALTH: Entry = Entry::input("Health", DataType::U8);
 pub(super) const STATUS: &[Entry] = &[
     HEALTH,
     // Never, initially.
-    Entry::reading("AnsweredBeforeMs", DataType::U32).with_default(u32::MAX),
+    Entry::reading("RespondedBeforeMs", DataType::U32).with_default(u32::MAX),
     Entry::reading("ExceptionCode", DataType::U8),
     Entry::reading("LastError", DataType::U8),
     Entry::reading("Requests", DataType::U32),
-    Entry::reading("Answers", DataType::U32),
+    Entry::reading("Responses", DataType::U32),
     Entry::reading("Exceptions", DataType::U32),
     Entry::reading("Failures", DataType::U32),
     // 0: as read; 1: held, 2: cleared, 3: substituted, because the device does not respond.

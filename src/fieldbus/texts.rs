@@ -19,8 +19,8 @@ const fn text(id: u16, severity: Severity, emergency: u16, text: &'static str) -
     Text { id, severity, emergency, text }
 }
 
-pub(super) const SILENT: Text = text(1, Severity::Error, COMMUNICATION, "Modbus slave %d does not answer");
-pub(super) const BACK: Text = text(2, Severity::Information, NONE, "Modbus slave %d answers again");
+pub(super) const SILENT: Text = text(1, Severity::Error, COMMUNICATION, "Modbus slave %d does not respond");
+pub(super) const BACK: Text = text(2, Severity::Information, NONE, "Modbus slave %d responds again");
 pub(super) const EXCEPTION: Text =
     text(3, Severity::Warning, COMMUNICATION, "Modbus slave %d refuses a request by exception %d");
 pub(super) const REFUSED: Text =

@@ -74,7 +74,7 @@ impl From<Controller> for Status {
                 Self::Failed(OpenError::new(OpenErrorKind::Failed, why))
             }
             Controller::Missing(_) => {
-                Self::Failed(OpenError::new(OpenErrorKind::NotFound, "no EtherCAT controller answers"))
+                Self::Failed(OpenError::new(OpenErrorKind::NotFound, "no EtherCAT controller responds"))
             }
             Controller::Lost(_) => Self::Lost,
         }

@@ -29,7 +29,7 @@ const IDLE_MAX: Duration = Duration::from_secs(30 * 60);
 /// and at this age.
 const AGE_MAX: Duration = Duration::from_secs(12 * 3_600);
 
-/// Fits the longest piece of an answer: the 2000 bits of a point.
+/// Fits the longest piece of a response: the 2000 bits of a point.
 const PIECE_BYTES_MAX: usize = 6_144;
 
 /// The secret of a session, random.
@@ -61,7 +61,7 @@ pub(crate) struct Web {
     pub(crate) log_in: mutex::Mutex<CriticalSectionRawMutex, ()>,
     /// Limits the rate of requests.
     pub(crate) turns: Turns,
-    /// For pieces of answers that do not fit into a connection's own memory; held until it is sent.
+    /// For pieces of responses that do not fit into a connection's own memory; held until it is sent.
     pub(crate) long_piece: mutex::Mutex<CriticalSectionRawMutex, String<PIECE_BYTES_MAX>>,
     /// Connections held, by what for.
     held: [AtomicU8; 2],

@@ -42,7 +42,7 @@ pub(crate) fn respond(gateway: &Gateway<'_>, frame: Frame<'_>) {
         Mode::Silent => return gateway.unanswered(frame),
         Mode::Restarted => put(&mut response, &[request]),
         Mode::Refused => Err(Exception::ILLEGAL_VALUE),
-        Mode::Answers => by_function(gateway, &envelope, request, &mut response),
+        Mode::Responds => by_function(gateway, &envelope, request, &mut response),
     };
     gateway.events(|events| events.note(request, envelope.unit == 0, answered));
     match answered {

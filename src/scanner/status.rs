@@ -44,13 +44,13 @@ impl ErrorCode {
     /// A short text.
     pub const fn name(self) -> &'static str {
         match self {
-            Self::Unspecified => "negative answer",
+            Self::Unspecified => "negative response",
             Self::Function => "illegal function",
             Self::Address => "illegal address",
             Self::Value => "illegal value",
             Self::Unknown => "unknown error",
-            Self::Timeout => "no answer",
-            Self::Transmission => "damaged answer",
+            Self::Timeout => "no response",
+            Self::Transmission => "corrupt response",
             Self::Connection => "no connection",
         }
     }

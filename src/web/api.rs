@@ -11,11 +11,11 @@ use picoserve::request::{Path, Request, RequestBody, RequestParts};
 use picoserve::response::ResponseWriter;
 use picoserve::routing::PathRouterService;
 
-use super::answer::{Answer, Content};
 use super::guard::{self, Foreign};
 use super::metrics::Metrics;
 use super::page;
 use super::piece::Source;
+use super::response::{Content, Response};
 use super::session::{self, Shows};
 use super::status::TableOf;
 use super::transport::Life;
@@ -205,9 +205,9 @@ impl<S: Store, U: Update, Y: System> PathRouterService for Api<'_, '_, S, U, Y> 
     ) -> Result<ResponseSent, W::Error> {
         let turn = self.gateway.web.turns.take(embassy_time::Instant::now());
         Timer::at(turn).await;
-        let mut answer = self.answer(path.encoded(), &request.parts, request.body_connection.body()).await;
+        let mut response = self.respond(path.encoded(), &request.parts, request.body_connection.body()).await;
         let connection = request.body_connection.finalize().await?;
-        answer.send(Source { gateway: self.gateway, system: self.system }, connection, writer).await
+        response.send(Source { gateway: self.gateway, system: self.system }, connection, writer).await
     }
 }
 
@@ -217,12 +217,12 @@ impl<'a, 'g, S: Store, U: Update, Y: System> Api<'a, 'g, S, U, Y> {
         self.life.lasts(WORK_MAX);
     }
 
-    async fn answer<R: Read>(
+    async fn respond<R: Read>(
         &self,
         path: &str,
         parts: &RequestParts<'_>,
         body: RequestBody<'_, R>,
-    ) -> Answer<'a, 'g> {
+    ) -> Response<'a, 'g> {
         if let Some(file) = page::find(path) {
             return self.file(file, parts);
         }
@@ -237,23 +237,23 @@ impl<'a, 'g, S: Store, U: Update, Y: System> Api<'a, 'g, S, U, Y> {
             return self.update(caller, body).await;
         }
         if !body.entire_body_fits_into_buffer() {
-            return Answer::error(413, &"the body is too large");
+            return Response::error(413, &"the body is too large");
         }
         let Ok(body) = body.read_all().await else {
-            return Answer::error(400, &"the body did not come as announced");
+            return Response::error(400, &"the body did not come as announced");
         };
         let Ok(body) = core::str::from_utf8(body) else {
-            return Answer::error(400, &"the body is not text (UTF-8)");
+            return Response::error(400, &"the body is not text (UTF-8)");
         };
         match (call, caller) {
-            (Call::Metrics, _) => Answer::ok(Content::Metrics(Metrics::of(parts.headers()))),
+            (Call::Metrics, _) => Response::ok(Content::Metrics(Metrics::of(parts.headers()))),
             (_, Some(caller)) => self.run(call, &caller, body).await,
             (_, None) => self.log_in(body).await,
         }
     }
 
     /// A file of the page. It may be opened from anywhere, but by a name of the gateway.
-    fn file(&self, file: &'static page::File, parts: &RequestParts<'_>) -> Answer<'a, 'g> {
+    fn file(&self, file: &'static page::File, parts: &RequestParts<'_>) -> Response<'a, 'g> {
         let headers = parts.headers();
         let encrypted = self.terms.encrypted;
         let host =
@@ -262,15 +262,15 @@ impl<'a, 'g, S: Store, U: Update, Y: System> Api<'a, 'g, S, U, Y> {
             return foreign(why);
         }
         if !self.terms.logs_in {
-            return Answer::error(403, &CLEARTEXT);
+            return Response::error(403, &CLEARTEXT);
         }
         if parts.method() != "GET" {
-            return Answer::error(405, &"this path has the method GET")
+            return Response::error(405, &"this path has the method GET")
                 .with_header("Allow", format_args!("GET"));
         }
         let known = headers.get("if-none-match");
         let is_known = known.is_some_and(|known| known.as_str().is_ok_and(|known| known.contains(file.tag)));
-        Answer::ok(Content::File(file, is_known))
+        Response::ok(Content::File(file, is_known))
     }
 
     /// Finds the operation and the caller, who is anonymous at log-in; or refuses.
@@ -278,7 +278,7 @@ impl<'a, 'g, S: Store, U: Update, Y: System> Api<'a, 'g, S, U, Y> {
         &self,
         path: &str,
         parts: &RequestParts<'_>,
-    ) -> Result<(Call, Takes, Option<Caller>), Answer<'a, 'g>> {
+    ) -> Result<(Call, Takes, Option<Caller>), Response<'a, 'g>> {
         let headers = parts.headers();
         let encrypted = self.terms.encrypted;
         self.gateway.settings(|settings| guard::check(headers, settings, encrypted)).map_err(foreign)?;
@@ -286,10 +286,10 @@ impl<'a, 'g, S: Store, U: Update, Y: System> Api<'a, 'g, S, U, Y> {
             return Ok((Call::Metrics, Takes::Nothing, None));
         }
         if !self.terms.logs_in {
-            return Err(Answer::error(403, &CLEARTEXT));
+            return Err(Response::error(403, &CLEARTEXT));
         }
         if !ROUTES.iter().any(|(known, ..)| *known == path) {
-            return Err(Answer::error(404, &"there is nothing of this path: see openapi.yaml"));
+            return Err(Response::error(404, &"there is nothing of this path: see openapi.yaml"));
         }
         let is_it = |(known, method, ..): &&Route| *known == path && *method == parts.method();
         let route = ROUTES.iter().find(is_it).ok_or_else(|| not_allowed(path))?;
@@ -302,7 +302,7 @@ impl<'a, 'g, S: Store, U: Update, Y: System> Api<'a, 'g, S, U, Y> {
             Some((Caller { name, role, peer: self.peer, token: shows.token }, shows.by_cookie))
         });
         let Some((caller, by_cookie)) = caller else {
-            let refusal = Answer::error(401, &LOG_IN);
+            let refusal = Response::error(401, &LOG_IN);
             return Err(refusal.with_header("WWW-Authenticate", format_args!("Bearer")));
         };
         if by_cookie && method != "GET" {
@@ -312,18 +312,18 @@ impl<'a, 'g, S: Store, U: Update, Y: System> Api<'a, 'g, S, U, Y> {
         if caller.role < needed {
             let what = format_args!("{} is denied to the role {}", command.unwrap_or_default(), caller.role);
             self.gateway.audit_refusal(Topic::DeniedCommand, None, Some(self.peer), what);
-            return Err(Answer::error(403, &Denied::Role { needed, own: caller.role }));
+            return Err(Response::error(403, &Denied::Role { needed, own: caller.role }));
         }
         Ok((call, takes, Some(caller)))
     }
 }
 
-fn foreign<'s, 'g>(why: Foreign) -> Answer<'s, 'g> {
-    Answer::error(if why == Foreign::Host { 421 } else { 403 }, &why)
+fn foreign<'s, 'g>(why: Foreign) -> Response<'s, 'g> {
+    Response::error(if why == Foreign::Host { 421 } else { 403 }, &why)
 }
 
 /// Another method is needed.
-fn not_allowed<'s, 'g>(path: &str) -> Answer<'s, 'g> {
+fn not_allowed<'s, 'g>(path: &str) -> Response<'s, 'g> {
     let methods = || ROUTES.iter().filter(|(known, ..)| *known == path).map(|(_, method, ..)| *method);
     let mut allowed = heapless::String::<64>::new();
     // Sized for all methods.
@@ -332,18 +332,18 @@ fn not_allowed<'s, 'g>(path: &str) -> Answer<'s, 'g> {
             .push_str(if allowed.is_empty() { "" } else { ", " })
             .and_then(|()| allowed.push_str(method));
     });
-    let answer = Answer::error(405, &format_args!("this path has the methods {allowed}"));
-    answer.with_header("Allow", format_args!("{allowed}"))
+    let response = Response::error(405, &format_args!("this path has the methods {allowed}"));
+    response.with_header("Allow", format_args!("{allowed}"))
 }
 
 impl Takes {
     /// Checks the body's length and type.
-    fn check<'s, 'g>(self, parts: &RequestParts<'_>, length: usize) -> Result<(), Answer<'s, 'g>> {
+    fn check<'s, 'g>(self, parts: &RequestParts<'_>, length: usize) -> Result<(), Response<'s, 'g>> {
         if parts.headers().get("transfer-encoding").is_some() {
-            return Err(Answer::error(411, &"a body needs its length: Content-Length"));
+            return Err(Response::error(411, &"a body needs its length: Content-Length"));
         }
         let kind = match self {
-            Self::Nothing if length > 0 => return Err(Answer::error(400, &"this takes no body")),
+            Self::Nothing if length > 0 => return Err(Response::error(400, &"this takes no body")),
             Self::Nothing => return Ok(()),
             Self::Lines => "text/plain",
             Self::Json => "application/json",
@@ -354,7 +354,7 @@ impl Takes {
         let told = told.split(';').next().unwrap_or_default().trim();
         match told.eq_ignore_ascii_case(kind) {
             true => Ok(()),
-            false => Err(Answer::error(415, &format_args!("the body must be {kind}"))),
+            false => Err(Response::error(415, &format_args!("the body must be {kind}"))),
         }
     }
 }

@@ -7,11 +7,11 @@ use heapless::{String, Vec};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 
-use super::answer::{Answer, Content, Part, TEXT_BYTES_MAX};
 use super::api::{Api, Call, Caller};
 use super::candidate::{self, Unchanged};
 use super::json::Quoted;
 use super::lines::{Lines, Untaken};
+use super::response::{Content, Part, Response, TEXT_BYTES_MAX};
 use super::session::{COOKIE, Shown};
 use super::settings::{Schema, Written};
 use super::status::Status;
@@ -70,9 +70,9 @@ struct Direct {
 }
 
 /// Reads a body.
-pub(super) fn parse<'s, 'g, T: DeserializeOwned>(body: &str) -> Result<T, Answer<'s, 'g>> {
+pub(super) fn parse<'s, 'g, T: DeserializeOwned>(body: &str) -> Result<T, Response<'s, 'g>> {
     let wrong =
-        |what: &dyn Display| Answer::error(400, &format_args!("the body is not as described: {what}"));
+        |what: &dyn Display| Response::error(400, &format_args!("the body is not as described: {what}"));
     let mut unescaped = [0; UNESCAPED_BYTES_MAX];
     let parsed = serde_json_core::from_slice_escaped(body.as_bytes(), &mut unescaped);
     let (value, used) = parsed.map_err(|error| wrong(&error))?;
@@ -82,38 +82,38 @@ pub(super) fn parse<'s, 'g, T: DeserializeOwned>(body: &str) -> Result<T, Answer
     }
 }
 
-pub(super) fn uncommitted<'s, 'g>(error: &Uncommitted) -> Answer<'s, 'g> {
-    Answer::error(if matches!(error, Uncommitted::Apply(_)) { 422 } else { 409 }, error)
+pub(super) fn uncommitted<'s, 'g>(error: &Uncommitted) -> Response<'s, 'g> {
+    Response::error(if matches!(error, Uncommitted::Apply(_)) { 422 } else { 409 }, error)
 }
 
 impl<'a, 'g, S: Store, U: Update, Y: System> Api<'a, 'g, S, U, Y> {
-    pub(super) async fn run(&self, call: Call, caller: &Caller, body: &str) -> Answer<'a, 'g> {
+    pub(super) async fn run(&self, call: Call, caller: &Caller, body: &str) -> Response<'a, 'g> {
         match call {
             // The first two need no session, and an image is processed as it arrives.
-            Call::LogIn | Call::Metrics | Call::Update => Answer::done(),
+            Call::LogIn | Call::Metrics | Call::Update => Response::done(),
             Call::Session => {
                 let (user, role) = (Quoted(&caller.name), caller.role);
-                Answer::json(200, format_args!("{{\"user\":{user},\"role\":\"{role}\"}}"))
+                Response::json(200, format_args!("{{\"user\":{user},\"role\":\"{role}\"}}"))
             }
             Call::LogOut => {
                 self.gateway.web.end(&caller.token);
                 let cookie = format_args!("{COOKIE}=; {}; Max-Age=0", self.cookie_attributes());
-                Answer::done().with_header("Set-Cookie", cookie)
+                Response::done().with_header("Set-Cookie", cookie)
             }
-            Call::Status => Answer::ok(Content::Status(Status::new())),
-            Call::Events => Answer::ok(Content::Live(Status::new(), caller.token)),
-            Call::Tables(tables) => Answer::ok(Content::Status(Status::of(tables))),
+            Call::Status => Response::ok(Content::Status(Status::new())),
+            Call::Events => Response::ok(Content::Live(Status::new(), caller.token)),
+            Call::Tables(tables) => Response::ok(Content::Status(Status::of(tables))),
             Call::Frames => {
                 self.takes_long();
-                Answer::ok(Content::Frames(caller.token))
+                Response::ok(Content::Frames(caller.token))
             }
-            Call::Settings(as_json) => Answer::ok(Content::Settings(Written::new(false, as_json))),
+            Call::Settings(as_json) => Response::ok(Content::Settings(Written::new(false, as_json))),
             Call::Candidate(as_json) => {
-                self.with_candidate(|| Answer::ok(Content::Settings(Written::new(true, as_json))))
+                self.with_candidate(|| Response::ok(Content::Settings(Written::new(true, as_json))))
             }
-            Call::Schema => Answer::ok(Content::Schema(Schema::default())),
+            Call::Schema => Response::ok(Content::Schema(Schema::default())),
             Call::Diff => {
-                self.with_candidate(|| Answer::ok(Content::Diff(Difference::default(), Part::default())))
+                self.with_candidate(|| Response::ok(Content::Diff(Difference::default(), Part::default())))
             }
             Call::Replace | Call::Change => self.change(Lines::Text(body), call == Call::Replace).await,
             Call::ReplaceJson | Call::ChangeJson => {
@@ -127,7 +127,7 @@ impl<'a, 'g, S: Store, U: Update, Y: System> Api<'a, 'g, S, U, Y> {
             Call::Scan | Call::Tune | Call::Explain | Call::Point => self.command(call, caller, body).await,
             Call::Stop => {
                 self.gateway.web.stop.signal(());
-                Answer::done()
+                Response::done()
             }
             Call::Firmware => self.firmware(),
             Call::GoBack => self.go_back(caller),
@@ -138,7 +138,7 @@ impl<'a, 'g, S: Store, U: Update, Y: System> Api<'a, 'g, S, U, Y> {
     }
 
     /// `POST /session`
-    pub(super) async fn log_in(&self, body: &str) -> Answer<'a, 'g> {
+    pub(super) async fn log_in(&self, body: &str) -> Response<'a, 'g> {
         let LogIn { user, password, token: is_told } = match parse(body) {
             Ok(log_in) => log_in,
             Err(refusal) => return refusal,
@@ -150,26 +150,26 @@ impl<'a, 'g, S: Store, U: Update, Y: System> Api<'a, 'g, S, U, Y> {
         let user = match gateway.enter(self.system, self.peer, &name, Credential::Password(&password)).await {
             Ok(user) => user,
             Err(Refused::Pause(pause)) => {
-                let refusal = Answer::error(429, &Denied::Pause(pause));
+                let refusal = Response::error(429, &Denied::Pause(pause));
                 return refusal.with_header("Retry-After", format_args!("{}", pause.as_secs()));
             }
-            Err(Refused::Wrong) => return Answer::error(401, &Denied::Wrong),
+            Err(Refused::Wrong) => return Response::error(401, &Denied::Wrong),
         };
         let (role, now, mut token) = (user.role, Instant::now(), Token::default());
         // A log-in by password implies one.
         let password = user.password.unwrap_or_default();
         if !self.system.random(&mut token) {
-            return Answer::error(403, &Denied::NoHash);
+            return Response::error(403, &Denied::NoHash);
         }
         let end = gateway.web.begin(token, name.clone(), password, now);
         let expires = end.saturating_duration_since(now).as_secs();
         let head = format_args!("\"user\":{},\"role\":\"{role}\",\"expires_s\":{expires}", Quoted(&name));
         let token = Shown(token);
         if is_told {
-            return Answer::json(200, format_args!("{{{head},\"token\":\"{token}\"}}"));
+            return Response::json(200, format_args!("{{{head},\"token\":\"{token}\"}}"));
         }
         let cookie = format_args!("{COOKIE}={token}; {}", self.cookie_attributes());
-        Answer::json(200, format_args!("{{{head}}}")).with_header("Set-Cookie", cookie)
+        Response::json(200, format_args!("{{{head}}}")).with_header("Set-Cookie", cookie)
     }
 
     /// A page's scripts cannot read the cookie, and no other page sends it.
@@ -180,23 +180,23 @@ impl<'a, 'g, S: Store, U: Update, Y: System> Api<'a, 'g, S, U, Y> {
         }
     }
 
-    fn of_candidate(&self, run: impl FnOnce(&Candidate) -> Result<(), Uncommitted>) -> Answer<'a, 'g> {
+    fn of_candidate(&self, run: impl FnOnce(&Candidate) -> Result<(), Uncommitted>) -> Response<'a, 'g> {
         match self.gateway.candidate().ok_or(Uncommitted::Nothing).and_then(run) {
-            Ok(()) => Answer::done(),
+            Ok(()) => Response::done(),
             Err(error) => uncommitted(&error),
         }
     }
 
-    /// Answers if there is a candidate.
-    fn with_candidate(&self, answer: impl FnOnce() -> Answer<'a, 'g>) -> Answer<'a, 'g> {
+    /// Responds if there is a candidate.
+    fn with_candidate(&self, response: impl FnOnce() -> Response<'a, 'g>) -> Response<'a, 'g> {
         match self.gateway.candidate().map(|candidate| candidate.settings().map(|_| ())) {
-            Some(Ok(())) => answer(),
+            Some(Ok(())) => response(),
             Some(Err(error)) => uncommitted(&error),
             None => uncommitted(&Uncommitted::Nothing),
         }
     }
 
-    async fn change(&self, lines: Lines<'_>, replaces: bool) -> Answer<'a, 'g> {
+    async fn change(&self, lines: Lines<'_>, replaces: bool) -> Response<'a, 'g> {
         // As many as fit.
         let mut warnings = String::<{ TEXT_BYTES_MAX * 3 / 4 }>::new();
         let mut warn = |line: usize, warning: &crate::language::Warning| {
@@ -208,16 +208,18 @@ impl<'a, 'g, S: Store, U: Update, Y: System> Api<'a, 'g, S, U, Y> {
             }
         };
         match candidate::change(self.gateway, lines, replaces, &mut warn).await {
-            Ok(count) => Answer::json(200, format_args!("{{\"changes\":{count},\"warnings\":[{warnings}]}}")),
-            Err(Unchanged::Untaken(Untaken::Line(number, line, error))) => {
-                Answer::wrong_line(Some(number), &line, &error)
+            Ok(count) => {
+                Response::json(200, format_args!("{{\"changes\":{count},\"warnings\":[{warnings}]}}"))
             }
-            Err(Unchanged::Untaken(error)) => Answer::error(400, &error),
+            Err(Unchanged::Untaken(Untaken::Line(number, line, error))) => {
+                Response::wrong_line(Some(number), &line, &error)
+            }
+            Err(Unchanged::Untaken(error)) => Response::error(400, &error),
             Err(Unchanged::Uncommitted(error)) => uncommitted(&error),
         }
     }
 
-    async fn commit(&self, caller: &Caller, body: &str) -> Answer<'a, 'g> {
+    async fn commit(&self, caller: &Caller, body: &str) -> Response<'a, 'g> {
         let Commit { check, confirmed } = match parse(body) {
             Ok(commit) => commit,
             Err(refusal) => return refusal,
@@ -228,19 +230,19 @@ impl<'a, 'g, S: Store, U: Update, Y: System> Api<'a, 'g, S, U, Y> {
         }
         let confirmed = confirmed.map(|seconds| Duration::from_secs(seconds.into()));
         if confirmed.is_some_and(|time| !access::may_wait(time)) {
-            return Answer::error(422, &"confirmed: expected 10 to 86400 seconds");
+            return Response::error(422, &"confirmed: expected 10 to 86400 seconds");
         }
         self.put_in_force(caller, confirmed).await
     }
 
-    async fn confirm(&self, caller: &Caller) -> Answer<'a, 'g> {
+    async fn confirm(&self, caller: &Caller) -> Response<'a, 'g> {
         if !self.gateway.candidate().is_some_and(Candidate::is_waiting) {
             return uncommitted(&Uncommitted::NotWaiting);
         }
         self.put_in_force(caller, None).await
     }
 
-    async fn put_in_force(&self, caller: &Caller, confirmed: Option<Duration>) -> Answer<'a, 'g> {
+    async fn put_in_force(&self, caller: &Caller, confirmed: Option<Duration>) -> Response<'a, 'g> {
         let gateway = self.gateway;
         let Some(candidate) = gateway.candidate() else { return uncommitted(&Uncommitted::Nothing) };
         match confirmed {
@@ -252,22 +254,22 @@ impl<'a, 'g, S: Store, U: Update, Y: System> Api<'a, 'g, S, U, Y> {
         }
         let mut store = self.store.lock().await;
         match candidate.commit(gateway, *store, confirmed, (caller.actor(), Some(self.port))).await {
-            Ok(()) => Answer::done(),
+            Ok(()) => Response::done(),
             Err(error) => uncommitted(&error),
         }
     }
 
-    async fn roll_back(&self, caller: &Caller) -> Answer<'a, 'g> {
+    async fn roll_back(&self, caller: &Caller) -> Response<'a, 'g> {
         let Some(candidate) = self.gateway.candidate() else { return uncommitted(&Uncommitted::NotWaiting) };
         self.gateway.audit(Topic::Command, caller.actor(), format_args!("rollback"));
         match candidate.roll_back(self.gateway, caller.actor()).await {
-            Ok(()) => Answer::done(),
+            Ok(()) => Response::done(),
             Err(error) => uncommitted(&error),
         }
     }
 
     /// `read`, `write`, `ping`
-    async fn ask(&self, caller: &Caller, ask: Ask, body: &str) -> Answer<'a, 'g> {
+    async fn ask(&self, caller: &Caller, ask: Ask, body: &str) -> Response<'a, 'g> {
         let line = match parse(body).and_then(|direct| line(ask, &direct)) {
             Ok(line) => line,
             Err(refusal) => return refusal,
@@ -278,24 +280,24 @@ impl<'a, 'g, S: Store, U: Update, Y: System> Api<'a, 'g, S, U, Y> {
             }
         };
         match access::ask(self.gateway, ask, &line, understood).await {
-            Ok(response) => Answer::ok(Content::Values(response, Part::default())),
-            Err(NotAsked::Line(error)) => Answer::wrong_line(None, &line, &error),
+            Ok(response) => Response::ok(Content::Values(response, Part::default())),
+            Err(NotAsked::Line(error)) => Response::wrong_line(None, &line, &error),
             Err(NotAsked::Request(DirectRequestError::Broadcast)) => {
-                Answer::json(200, format_args!("{{\"unit\":0}}"))
+                Response::json(200, format_args!("{{\"unit\":0}}"))
             }
-            Err(error @ NotAsked::Request(_)) => Answer::error(409, &error),
+            Err(error @ NotAsked::Request(_)) => Response::error(409, &error),
         }
     }
 }
 
 /// The command's line for a request.
-fn line<'s, 'g>(ask: Ask, direct: &Direct) -> Result<Line, Answer<'s, 'g>> {
+fn line<'s, 'g>(ask: Ask, direct: &Direct) -> Result<Line, Response<'s, 'g>> {
     let words = [Some(&direct.port), direct.table.as_ref(), direct.kind.as_ref(), direct.order.as_ref()];
     if !words.into_iter().flatten().all(is_word) {
-        return Err(Answer::error(422, &"port, table, type and order are one word each"));
+        return Err(Response::error(422, &"port, table, type and order are one word each"));
     }
     let mut line = Line::new();
-    write_line(ask, direct, &mut line).map_err(|_| Answer::error(422, &"the request is too long"))?;
+    write_line(ask, direct, &mut line).map_err(|_| Response::error(422, &"the request is too long"))?;
     Ok(line)
 }
 

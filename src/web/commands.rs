@@ -5,10 +5,10 @@ use core::fmt::Write;
 use heapless::{String, Vec};
 use serde::Deserialize;
 
-use super::answer::{Answer, Content, Text};
 use super::api::{Api, Call, Caller};
 use super::calls::{Line, VALUES_MAX, Word, parse, uncommitted, words};
 use super::json::Quoted;
+use super::response::{Content, Response, Text};
 use crate::console::access::{self, Denied, NotBegun, Running};
 use crate::gateway::audit::Topic;
 use crate::gateway::commit::Uncommitted;
@@ -141,12 +141,12 @@ fn is_range(word: &Word) -> bool {
 }
 
 /// The body has fields that are not words of a line, or too many.
-fn no_line<'s, 'g>() -> Answer<'s, 'g> {
-    Answer::error(422, &"port, units, point and from are one word each")
+fn no_line<'s, 'g>() -> Response<'s, 'g> {
+    Response::error(422, &"port, units, point and from are one word each")
 }
 
 impl<'a, 'g, S: Store, U: Update, Y: System> Api<'a, 'g, S, U, Y> {
-    pub(super) async fn command(&self, call: Call, caller: &Caller, body: &str) -> Answer<'a, 'g> {
+    pub(super) async fn command(&self, call: Call, caller: &Caller, body: &str) -> Response<'a, 'g> {
         let line = match call {
             Call::Scan => parse(body).map(|scan: Scan| scan.line()),
             Call::Tune => parse(body).map(|tune: Tune| tune.line()),
@@ -164,27 +164,27 @@ impl<'a, 'g, S: Store, U: Update, Y: System> Api<'a, 'g, S, U, Y> {
         let mut running = Running::new(self.gateway, self.system, who, self.peer, self.port);
         match running.begin(&line) {
             Ok(()) => {}
-            Err(NotBegun::Line(error)) => return Answer::wrong_line(None, &line, &error),
+            Err(NotBegun::Line(error)) => return Response::wrong_line(None, &line, &error),
             Err(NotBegun::Failed) => return failed(&running),
         }
         self.gateway.web.stop.reset();
         if matches!(call, Call::Scan | Call::Tune) {
             self.takes_long();
-            return Answer::ok(Content::Job(running));
+            return Response::ok(Content::Job(running));
         }
         while running.next(core::future::pending).await {
             if running.has_failed() {
                 return failed(&running);
             }
         }
-        Answer::done()
+        Response::done()
     }
 
-    fn explain(&self, line: &Line) -> Answer<'a, 'g> {
+    fn explain(&self, line: &Line) -> Response<'a, 'g> {
         self.gateway.settings(|settings| {
             let explained = match access::explain(settings, line) {
                 Ok(explained) => explained,
-                Err(error) => return Answer::wrong_line(None, line, &error),
+                Err(error) => return Response::wrong_line(None, line, &error),
             };
             let mut more = String::<128>::new();
             let (outcome, written) = match explained.decision {
@@ -203,12 +203,12 @@ impl<'a, 'g, S: Store, U: Update, Y: System> Api<'a, 'g, S, U, Y> {
             // Sized for what is written.
             let _ = written.and(rule);
             let text = Quoted(explained.text(settings));
-            Answer::json(200, format_args!("{{\"outcome\":\"{outcome}\"{more},\"text\":{text}}}"))
+            Response::json(200, format_args!("{{\"outcome\":\"{outcome}\"{more},\"text\":{text}}}"))
         })
     }
 
     /// `GET /settings/versions`
-    pub(super) async fn versions(&self) -> Answer<'a, 'g> {
+    pub(super) async fn versions(&self) -> Response<'a, 'g> {
         let mut store = self.store.lock().await;
         let mut json = Text::new();
         for nth in 0.. {
@@ -227,11 +227,11 @@ impl<'a, 'g, S: Store, U: Update, Y: System> Api<'a, 'g, S, U, Y> {
                 break;
             }
         }
-        Answer::json(200, format_args!("{{\"versions\":[{json}]}}"))
+        Response::json(200, format_args!("{{\"versions\":[{json}]}}"))
     }
 
     /// `POST /settings/versions`
-    pub(super) async fn bring_back(&self, caller: &Caller, body: &str) -> Answer<'a, 'g> {
+    pub(super) async fn bring_back(&self, caller: &Caller, body: &str) -> Response<'a, 'g> {
         let Version { version } = match parse(body) {
             Ok(version) => version,
             Err(refusal) => return refusal,
@@ -240,44 +240,44 @@ impl<'a, 'g, S: Store, U: Update, Y: System> Api<'a, 'g, S, U, Y> {
         self.gateway.audit(Topic::Command, caller.actor(), format_args!("rollback {version}"));
         let mut store = self.store.lock().await;
         match candidate.bring_back(self.gateway, *store, version.into()).await {
-            Ok(()) => Answer::done(),
+            Ok(()) => Response::done(),
             Err(error) => uncommitted(&error),
         }
     }
 
     /// `POST /password`: sets it, and saves the settings.
-    pub(super) async fn password(&self, caller: &Caller, body: &str) -> Answer<'a, 'g> {
+    pub(super) async fn password(&self, caller: &Caller, body: &str) -> Response<'a, 'g> {
         let Password { user, password } = match parse(body) {
             Ok(password) => password,
             Err(refusal) => return refusal,
         };
         if !PASSWORD_BYTES.contains(&password.len()) || password.chars().any(char::is_control) {
-            return Answer::error(422, &"a password has 8 to 64 characters");
+            return Response::error(422, &"a password has 8 to 64 characters");
         }
         let gateway = self.gateway;
         let name = Name::try_from(user.as_str()).ok();
         let Some(name) = name.filter(|name| gateway.settings(|settings| settings.user(name).is_some()))
         else {
-            return Answer::error(422, &"there is no such user");
+            return Response::error(422, &"there is no such user");
         };
         let Some(hash) = self.system.hash_password(&password).await else {
-            return Answer::error(409, &Denied::NoHash);
+            return Response::error(409, &Denied::NoHash);
         };
         if let Err(error) = reconfigure::set_password(gateway, &name, hash).await {
-            return Answer::error(409, &error);
+            return Response::error(409, &error);
         }
         gateway.audit(Topic::Settings, caller.actor(), format_args!("password {name}"));
         let mut store = self.store.lock().await;
         store.sign(&caller.actor());
         match reconfigure::save(gateway, *store, false).await {
-            Ok(()) => Answer::done(),
-            Err(error) => Answer::error(409, &error),
+            Ok(()) => Response::done(),
+            Err(error) => Response::error(409, &error),
         }
     }
 }
 
 /// What the command says of its failure.
-fn failed<'s, 'g>(running: &Running<'_, '_>) -> Answer<'s, 'g> {
+fn failed<'s, 'g>(running: &Running<'_, '_>) -> Response<'s, 'g> {
     let text = running.text().trim();
-    Answer::error(409, &text.strip_prefix("error: ").unwrap_or(text))
+    Response::error(409, &text.strip_prefix("error: ").unwrap_or(text))
 }

@@ -27,7 +27,8 @@ impl Write for Escaped<'_> {
 }
 
 /// Columns whose cells are numbers.
-const NUMBERS: &[&str] = &["NO", "UNIT", "REQUESTS", "ANSWERS", "EXCEPTIONS", "FAILURES", "TIMEOUTS", "OPEN"];
+const NUMBERS: &[&str] =
+    &["NO", "UNIT", "REQUESTS", "RESPONSES", "EXCEPTIONS", "FAILURES", "TIMEOUTS", "OPEN"];
 
 /// A row of a table, cells separated by tabs, as an object with the columns' names of the `heading`.
 pub(super) struct Row<'w> {

@@ -93,7 +93,7 @@ const FAMILIES: &[Family] = &[
     ),
     counter(
         "mobgate_unit_events_total",
-        "Requests to a unit, its answers, and what went wrong, by their names in the console's show units.",
+        "Requests to a unit, its responses, and what went wrong, by their names in the console's show units.",
         |of, place, out| of.unit(place, |label, unit| unit_events(of.name, label, unit, out)),
     ),
     gauge(

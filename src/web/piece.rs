@@ -1,4 +1,4 @@
-//! Pieces of an answer, and what they are made of.
+//! Pieces of a response, and what they are made of.
 
 use heapless::String;
 use heapless::string::StringView;
@@ -11,7 +11,7 @@ pub(super) type Piece = StringView;
 /// A connection's own memory for pieces.
 pub(super) type ShortPiece = String<1_024>;
 
-/// What answers are made of.
+/// What responses are made of.
 #[derive(Clone, Copy)]
 pub(super) struct Source<'a, 'g> {
     pub(super) gateway: &'a Gateway<'g>,

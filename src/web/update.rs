@@ -4,9 +4,9 @@ use embassy_time::Duration;
 use picoserve::io::Read;
 use picoserve::request::RequestBody;
 
-use super::answer::Answer;
 use super::api::{Api, Caller};
 use super::json::Quoted;
+use super::response::Response;
 use super::transport::Life;
 use crate::gateway::audit::Topic;
 use crate::hal::{FirmwareState, Store, System, Update, UpdateError, Version};
@@ -85,7 +85,7 @@ impl<R: Read> Upload<'_, R> {
         Ok(begun.0.finish().await?)
     }
 
-    /// Drops the rest: a client reads the answer when it has sent all.
+    /// Drops the rest: a client reads the response when it has sent all.
     async fn drop_rest(&mut self) {
         let mut chunk = [0; CHUNK_BYTES_MAX];
         while self.left > 0 && self.next(&mut chunk).await.is_some() {}
@@ -94,25 +94,29 @@ impl<R: Read> Upload<'_, R> {
 
 impl<'a, 'g, S: Store, U: Update, Y: System> Api<'a, 'g, S, U, Y> {
     /// `GET /update`
-    pub(super) fn firmware(&self) -> Answer<'a, 'g> {
+    pub(super) fn firmware(&self) -> Response<'a, 'g> {
         let (version, board) = (env!("CARGO_PKG_VERSION"), Quoted(self.system.name()));
         match self.system.firmware() {
             Some(state) => {
                 let state = Quoted(state);
-                Answer::json(
+                Response::json(
                     200,
                     format_args!("{{\"version\":\"{version}\",\"board\":{board},\"state\":{state}}}"),
                 )
             }
-            None => Answer::json(200, format_args!("{{\"version\":\"{version}\",\"board\":{board}}}")),
+            None => Response::json(200, format_args!("{{\"version\":\"{version}\",\"board\":{board}}}")),
         }
     }
 
     /// `POST /update`
-    pub(super) async fn update<R: Read>(&self, caller: &Caller, body: RequestBody<'_, R>) -> Answer<'a, 'g> {
+    pub(super) async fn update<R: Read>(
+        &self,
+        caller: &Caller,
+        body: RequestBody<'_, R>,
+    ) -> Response<'a, 'g> {
         let left = body.content_length();
         if left > IMAGE_BYTES_MAX {
-            return Answer::error(413, &UpdateError::TooLong);
+            return Response::error(413, &UpdateError::TooLong);
         }
         self.life.takes_upload(left);
         self.life.lasts(SILENCE_MAX);
@@ -123,23 +127,23 @@ impl<'a, 'g, S: Store, U: Update, Y: System> Api<'a, 'g, S, U, Y> {
                 let (gateway, actor) = (self.gateway, caller.actor());
                 gateway.audit(Topic::Update, actor, format_args!("update to {version}"));
                 self.life.restarts.set(true);
-                Answer::json(200, format_args!("{{\"version\":{}}}", Quoted(version)))
+                Response::json(200, format_args!("{{\"version\":{}}}", Quoted(version)))
             }
             Err(why) => {
                 self.gateway.audit(Topic::Update, caller.actor(), format_args!("update failed: {why}"));
                 upload.drop_rest().await;
-                Answer::error(why.status(), &why)
+                Response::error(why.status(), &why)
             }
         }
     }
 
     /// `DELETE /update`: a restart reverts firmware on trial.
-    pub(super) fn go_back(&self, caller: &Caller) -> Answer<'a, 'g> {
+    pub(super) fn go_back(&self, caller: &Caller) -> Response<'a, 'g> {
         if self.system.firmware() != Some(FirmwareState::OnTrial) {
-            return Answer::error(409, &"nothing is on trial that could be taken back");
+            return Response::error(409, &"nothing is on trial that could be taken back");
         }
         self.gateway.audit(Topic::Update, caller.actor(), format_args!("update taken back"));
         self.life.restarts.set(true);
-        Answer::done()
+        Response::done()
     }
 }

@@ -56,7 +56,7 @@ fn ethercrab_brings_simple_devices_to_op() {
 
 #[test]
 fn a_line_with_faults_is_brought_to_op_all_the_same() {
-    let faults = FrameFaults { lost: 0.02, damaged: 0.02, doubled: 0.02, delayed: 0.02, delay_us: 1..=200 };
+    let faults = FrameFaults { lost: 0.02, corrupt: 0.02, doubled: 0.02, delayed: 0.02, delay_us: 1..=200 };
     let random = mobgate_simulator::Random::new(3);
     assert_eq!(to_op(&three(), |cable| cable.with_faults(faults, random)), [0, 0x40]);
 }

@@ -59,8 +59,8 @@ fn statement_51_a_refusal_has_as_much_of_its_text_as_a_mailbox_carries() {
     for (device, packet, carried) in [(&FILES_34, 22, 22), (&FILES_128, PACKET, 96)] {
         let mut rig = Rig::in_state(device, BOOT);
         rig.application().files.unfit = Some(FileError::new(FileErrorCode::InvalidFirmware, text));
-        let answer = write(&mut rig, "firmware", PASSWORD, &[1], packet).unwrap();
-        assert_eq!(answer, (ERR, 0x800d, text.as_bytes()[..carried].to_vec()));
+        let response = write(&mut rig, "firmware", PASSWORD, &[1], packet).unwrap();
+        assert_eq!(response, (ERR, 0x800d, text.as_bytes()[..carried].to_vec()));
     }
 }
 
@@ -136,7 +136,7 @@ fn statement_51_what_is_not_expected_is_refused() {
 #[test]
 fn statement_51_a_transfer_ends_with_an_error_a_new_request_or_the_state() {
     let error = |rig: &mut Rig<Bench>| {
-        assert_eq!(ask(rig, ERR, 0x8000, b"given up"), None, "nobody waits for an answer");
+        assert_eq!(ask(rig, ERR, 0x8000, b"given up"), None, "nobody waits for a response");
     };
     let request = |rig: &mut Rig<Bench>| assert_eq!(code(ask(rig, READ, 0, b"missing")), 0x8001);
     let safe_op = |rig: &mut Rig<Bench>| {
@@ -167,7 +167,7 @@ fn statement_51_a_transfer_is_given_up_after_ten_seconds_without_a_message() {
         rig.pass(300);
         assert!(is_aborted(&mut rig));
     }
-    // Nor does an answer that nobody takes keep it.
+    // Nor does a response that nobody takes keep it.
     let mut rig = rig(PRE_OP);
     send(&mut rig, WRITE, 0, b"x");
     rig.pass(10_100);
@@ -175,7 +175,7 @@ fn statement_51_a_transfer_is_given_up_after_ten_seconds_without_a_message() {
 }
 
 #[test]
-fn statement_51_an_answer_that_was_lost_is_repeated_and_a_packet_is_written_once() {
+fn statement_51_a_response_that_was_lost_is_repeated_and_a_packet_is_written_once() {
     let mut rig = rig(PRE_OP);
     send_counted(&mut rig, 1, WRITE, 0, b"x");
     assert_eq!(received(&mut rig), ack(0));
@@ -204,26 +204,26 @@ fn statement_51_slow_flash_makes_the_device_busy_and_the_packet_is_sent_again() 
     assert_eq!(received(&mut rig), ack(0));
     for (number, data) in [(1, &content(PACKET)[..]), (2, b"end")] {
         let mut busy = 0;
-        let answer = loop {
+        let response = loop {
             send(&mut rig, DATA, number, data);
             let mut waited = 0;
-            let answer = loop {
+            let response = loop {
                 match received(&mut rig) {
-                    Some(answer) => break answer,
+                    Some(response) => break response,
                     None => rig.pass(5),
                 }
                 waited += 5;
                 assert!(waited <= 110, "it says so after a while");
             };
-            match answer {
+            match response {
                 (BUSY, ..) => busy += 1,
-                answer => break Some(answer),
+                response => break Some(response),
             }
             assert!(waited >= 80, "but not sooner: {waited} ms");
         };
         // The last one is stored, and then finished.
         let expected = if number == 1 { 3 } else { 6 };
-        assert_eq!((busy, answer), (expected, ack(number)));
+        assert_eq!((busy, response), (expected, ack(number)));
     }
     let whole = [&content(PACKET)[..], b"end"].concat();
     let files = &rig.application().files;

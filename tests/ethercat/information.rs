@@ -16,10 +16,10 @@ pub(crate) fn ask<A: Application + 'static>(
     data: &[u8],
 ) -> Result<Vec<u8>, u32> {
     assert_eq!(rig.send(&[&[0, 0x80, operation, 0, 0, 0], data].concat()), 1);
-    let mut answer = Vec::new();
+    let mut response = Vec::new();
     let mut left_before = None;
     loop {
-        let message = rig.receive().expect("an answer to the last fragment");
+        let message = rig.receive().expect("a response to the last fragment");
         let body = &message[8..];
         let left = u16::from_le_bytes([body[2], body[3]]);
         if body[0] == 7 {
@@ -29,10 +29,10 @@ pub(crate) fn ask<A: Application + 'static>(
         assert_eq!(body[0] & 0x80 != 0, left > 0, "incomplete as long as fragments are left");
         assert!(left_before.is_none_or(|before| left + 1 == before), "they count down");
         left_before = Some(left);
-        answer.extend(&body[4..]);
+        response.extend(&body[4..]);
         if left == 0 {
             assert_eq!(rig.receive(), None, "nothing behind the last one");
-            return Ok(answer);
+            return Ok(response);
         }
     }
 }
@@ -43,18 +43,18 @@ fn words(bytes: &[u8]) -> Vec<u16> {
 
 /// The objects of one of the lists.
 pub(crate) fn list<A: Application + 'static>(rig: &mut Rig<A>, number: u16) -> Vec<u16> {
-    let answer = words(&ask(rig, 1, &number.to_le_bytes()).unwrap());
-    assert_eq!(answer[0], number, "the first word repeats which list it is");
-    answer[1..].to_vec()
+    let response = words(&ask(rig, 1, &number.to_le_bytes()).unwrap());
+    assert_eq!(response[0], number, "the first word repeats which list it is");
+    response[1..].to_vec()
 }
 
 /// An entry's description: type, bits, access, what is behind.
 fn entry(rig: &mut Rig<Bench>, index: u16, sub: u8) -> Result<(u16, u16, Access, Vec<u8>), u32> {
     let [low, high] = index.to_le_bytes();
-    let answer = ask(rig, 5, &[low, high, sub, 0])?;
-    assert_eq!(answer[..4], [low, high, sub, 0]);
-    let fields = words(&answer[4..10]);
-    Ok((fields[0], fields[1], Access(fields[2]), answer[10..].to_vec()))
+    let response = ask(rig, 5, &[low, high, sub, 0])?;
+    assert_eq!(response[..4], [low, high, sub, 0]);
+    let fields = words(&response[4..10]);
+    Ok((fields[0], fields[1], Access(fields[2]), response[10..].to_vec()))
 }
 
 #[test]
@@ -86,7 +86,7 @@ fn statement_38_lists_and_descriptions_cover_the_same_objects() {
 }
 
 #[test]
-fn statement_39_long_answers_come_in_fragments() {
+fn statement_39_long_responses_come_in_fragments() {
     for device in [&MAILBOX_34, &MAILBOX_64, &MAILBOX_128] {
         let mut rig = Rig::in_state(device, PRE_OP);
         let all = list(&mut rig, 1);
@@ -122,7 +122,7 @@ fn statement_39_a_dictionary_of_1000_objects_is_listed_through_mailboxes_of_34_b
 }
 
 #[test]
-fn statement_39_a_request_behind_a_fragmented_answer_ends_it() {
+fn statement_39_a_request_behind_a_fragmented_response_ends_it() {
     let mut rig = Rig::in_state(&MAILBOX_34, PRE_OP);
     assert_eq!(rig.send(&[0, 0x80, 1, 0, 0, 0, 1, 0]), 1);
     assert_eq!(rig.send(&[0, 0x20, 0x40, 0x00, 0x10, 0, 0, 0, 0, 0]), 1);

@@ -138,9 +138,9 @@ fn statement_42_images_are_whole_through_the_spi_too() {
         };
         let frames = async {
             for number in 0.. {
-                let answer =
+                let response =
                     bench.segment.borrow_mut().send_logical(Command::Lrw, 0, &image(number).repeat(2));
-                let inputs = &answer.data[120..];
+                let inputs = &response.data[120..];
                 assert!(inputs.chunks(4).all(|part| part == &inputs[..4]), "one image");
                 Timer::after_micros(7 + u64::from(number) % 13).await;
             }

@@ -43,8 +43,8 @@ async fn main_device(bench: &Bench, cycle: Duration, cycles: u32, random: &mut R
             let segment = &mut bench.segment.borrow_mut();
             segment.send_logical(Command::Lwr, 0, &[number as u8; 120]);
             if segment.fetch(0, 0x080D, 1).unwrap()[0] & FULL != 0 {
-                let answer = segment.fetch(0, IN_BOX, 128);
-                assert_eq!(answer, Some(vec![sent; 128]), "the answer to the last message");
+                let response = segment.fetch(0, IN_BOX, 128);
+                assert_eq!(response, Some(vec![sent; 128]), "the response to the last message");
                 waited = 0;
             }
             if waited == 0 {

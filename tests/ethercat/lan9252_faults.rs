@@ -34,7 +34,7 @@ fn statement_54_a_chip_that_shows_garbage_for_a_while_and_is_ready_late_is_waite
 }
 
 #[test]
-fn statement_54_a_chip_that_never_answers_is_reported_in_bounded_time() {
+fn statement_54_a_chip_that_never_responds_is_reported_in_bounded_time() {
     let timing = Timing { test_nanos: u64::MAX / 2, ready_nanos: u64::MAX / 2, ..Timing::USUAL };
     with_driver(timing, async |driver, _| {
         for _ in 0..3 {
@@ -179,7 +179,7 @@ fn statement_55_bit_errors_never_make_a_wrong_output_image_when_it_is_read_twice
             assert!(good > 400 && bench.chip.faults_injected() > 20, "{good} of 500");
             assert!(driver.incidents() != Incidents::default(), "they show in diagnosis");
             bench.chip.set_faults(SpiFaults::default(), Random::new(0));
-            // What a damaged access has left behind ends with the next.
+            // What a corrupt access has left behind ends with the next.
             let _ = driver.events().await;
             bench.chip.forgive();
             starts_anew(driver, bench).await;

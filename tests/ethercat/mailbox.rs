@@ -51,7 +51,7 @@ fn statement_22_a_repeated_counter_is_not_served_twice() {
 }
 
 #[test]
-fn statement_23_counter_0_is_always_served_and_answers_count_1_to_7() {
+fn statement_23_counter_0_is_always_served_and_responses_count_1_to_7() {
     let mut rig = rig();
     let counters = (0..16).map(|_| {
         assert_eq!(rig.send_counted(COE, 0, &UPLOAD), 1);
@@ -88,23 +88,23 @@ fn statement_24_what_is_malformed_is_answered_by_its_error() {
 }
 
 #[test]
-fn statement_25_a_lost_answer_is_repeated_as_it_was() {
+fn statement_25_a_lost_response_is_repeated_as_it_was() {
     let mut rig = rig();
     rig.send(&UPLOAD);
-    let answer = rig.receive().unwrap();
+    let response = rig.receive().unwrap();
     let mut on = false;
     for pause in [0, 1, 5_000] {
         rig.pass(pause);
         on = !on;
         assert!(repeat(&mut rig, on), "the request is acknowledged");
-        assert_eq!(rig.receive().as_ref(), Some(&answer));
+        assert_eq!(rig.receive().as_ref(), Some(&response));
         assert_eq!(rig.receive(), None);
     }
     assert!(rig.upload(0x1000, 0).is_ok(), "afterwards all goes on");
 }
 
 #[test]
-fn statement_25_an_unread_answer_comes_behind_the_repeated_one() {
+fn statement_25_an_unread_response_comes_behind_the_repeated_one() {
     let mut rig = rig();
     rig.send(&UPLOAD);
     let first = rig.receive().unwrap();
@@ -140,21 +140,21 @@ fn statement_26_requests_behind_a_full_mailbox_are_not_lost() {
     let request = |sub| [0, 0x20, 0x40, 0x18, 0x10, sub, 0, 0, 0, 0];
     let mut pending = (1..=4).cycle().take(12).collect::<std::collections::VecDeque<u8>>();
     let mut sent = 0;
-    let mut answers = Vec::new();
+    let mut responses = Vec::new();
     while let Some(&sub) = pending.front() {
         if rig.send_counted(COE, sent % 7 + 1, &request(sub)) == 1 {
             sent += 1;
             pending.pop_front();
         } else {
             // Refused while everything is full: that is how the MainDevice is held off.
-            answers.push(rig.receive().expect("an answer is there"));
+            responses.push(rig.receive().expect("a response is there"));
         }
     }
-    assert!(sent > 3 && answers.len() < 12);
-    while let Some(answer) = rig.receive() {
-        answers.push(answer);
+    assert!(sent > 3 && responses.len() < 12);
+    while let Some(response) = rig.receive() {
+        responses.push(response);
     }
-    let subs: Vec<u8> = answers.iter().map(|answer| answer[11]).collect();
+    let subs: Vec<u8> = responses.iter().map(|response| response[11]).collect();
     assert_eq!(subs, [1, 2, 3, 4, 1, 2, 3, 4, 1, 2, 3, 4], "in order, and all of them");
 }
 
@@ -172,7 +172,7 @@ fn statement_27_half_a_message_is_not_served() {
 }
 
 #[test]
-fn statement_28_an_answer_goes_to_the_main_device_with_its_exact_length() {
+fn statement_28_a_response_goes_to_the_main_device_with_its_exact_length() {
     let mut rig = rig();
     rig.send(&UPLOAD);
     assert_eq!(rig.receive().unwrap()[..6], [10, 0, 0, 0, 0, 0x13]);

@@ -20,7 +20,7 @@ mod lan9252_bench;
 mod lan9252_events;
 mod lan9252_faults;
 mod large_images;
-mod lost_answers;
+mod lost_responses;
 mod mad_writes;
 mod mailbox;
 mod masters;

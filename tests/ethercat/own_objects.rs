@@ -136,9 +136,9 @@ fn set_up(rig: &mut Rig<Modular>, channel: Channel, bytes: u8) {
 fn exchange(rig: &mut Rig<Modular>, numbers: [i16; 2]) {
     let mut data: Vec<_> = numbers.iter().flat_map(|number| number.to_le_bytes()).collect();
     data.resize(4 + 12, 0);
-    let answer = rig.segment.send_logical(Command::Lrw, LOGICAL, &data);
+    let response = rig.segment.send_logical(Command::Lrw, LOGICAL, &data);
     rig.pass(1);
-    assert_eq!((answer.counter, &answer.data[4..]), (3, &[[1; 6], [2; 6]].concat()[..]));
+    assert_eq!((response.counter, &response.data[4..]), (3, &[[1; 6], [2; 6]].concat()[..]));
 }
 
 #[test]

@@ -8,7 +8,7 @@ use crate::prelude::*;
 
 /// Images in statement 42; `cargo xtask bench ethercat` exchanges ten times as many.
 const IMAGES: u64 = 10_000;
-/// Enough for a processor that works in pieces to answer.
+/// Enough for a processor that works in pieces to respond.
 const SLOW: Duration = Duration::from_millis(3);
 
 /// Exchanges images at cycles drawn from `cycle_us`; how the application fared.
@@ -114,8 +114,8 @@ fn cycles_with_messages(cycle_us: RangeInclusive<u64>) {
         if random.chance(0.3) && rig.send(&request(sent % 4 + 1)) == 1 {
             sent = sent.wrapping_add(1);
         }
-        if let Some(answer) = rig.receive() {
-            assert_eq!(answer[11], answered % 4 + 1, "answers in order");
+        if let Some(response) = rig.receive() {
+            assert_eq!(response[11], answered % 4 + 1, "responses in order");
             answered = answered.wrapping_add(1);
         }
     }

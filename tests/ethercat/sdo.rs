@@ -111,11 +111,11 @@ fn statement_31_small_values_are_expedited_and_larger_ones_are_not() {
     ] {
         rig.download(index, sub, value).unwrap();
         let [low, high] = u16::to_le_bytes(index);
-        let answer = rig.sdo(&[0x40, low, high, sub]).unwrap();
-        assert_eq!((answer[0], &answer[4..4 + value.len()]), (command, value));
+        let response = rig.sdo(&[0x40, low, high, sub]).unwrap();
+        assert_eq!((response[0], &response[4..4 + value.len()]), (command, value));
     }
-    let answer = rig.sdo(&[0x40, 0x08, 0x10, 0]).unwrap();
-    assert_eq!((answer[0], answer[4..8].to_vec()), (0x41, 77u32.to_le_bytes().to_vec()));
+    let response = rig.sdo(&[0x40, 0x08, 0x10, 0]).unwrap();
+    assert_eq!((response[0], response[4..8].to_vec()), (0x41, 77u32.to_le_bytes().to_vec()));
 }
 
 #[test]
@@ -176,7 +176,7 @@ fn statement_32_a_download_has_the_length_that_it_announced() {
 }
 
 #[test]
-fn statement_32_an_abort_of_the_client_ends_the_transfer_without_an_answer() {
+fn statement_32_an_abort_of_the_client_ends_the_transfer_without_a_response() {
     let mut rig = Rig::in_state(&MAILBOX_64, PRE_OP);
     rig.sdo(&[0x40, 0x00, 0x21, 0]).unwrap();
     assert_eq!(rig.send(&[0, 0x20, 0x80, 0x00, 0x21, 0, 0, 0, 0, 8]), 1);
@@ -337,11 +337,11 @@ fn statement_37_an_emergency_tells_of_an_error_and_of_its_end_once_each() {
     for _ in 0..3 {
         rig.request(SAFE_OP | ERROR);
     }
-    let answer = rig.receive().expect("an emergency");
-    assert_eq!(answer[6..], [0x00, 0x10, 0x00, 0xa0, 0x11, 0x1d, 0x00, 0, 0, 0]);
+    let response = rig.receive().expect("an emergency");
+    assert_eq!(response[6..], [0x00, 0x10, 0x00, 0xa0, 0x11, 0x1d, 0x00, 0, 0, 0]);
     rig.request(PRE_OP | ERROR);
-    let answer = std::iter::from_fn(|| rig.receive()).last().expect("the end of the error");
-    assert_eq!(answer[6..], [0x00, 0x10, 0, 0, 0, 0, 0, 0, 0, 0]);
+    let response = std::iter::from_fn(|| rig.receive()).last().expect("the end of the error");
+    assert_eq!(response[6..], [0x00, 0x10, 0, 0, 0, 0, 0, 0, 0, 0]);
     assert!(rig.upload(0x1000, 0).is_ok());
 }
 
@@ -386,8 +386,8 @@ fn statement_56_a_write_is_answered_when_it_has_ended_and_other_requests_wait() 
     }
     rig.application().writing = false;
     rig.pass(2);
-    let answers: Vec<u8> = std::iter::from_fn(|| rig.receive()).map(|message| message[8]).collect();
-    assert_eq!(answers, [0x60, 0x43], "in their order");
+    let responses: Vec<u8> = std::iter::from_fn(|| rig.receive()).map(|message| message[8]).collect();
+    assert_eq!(responses, [0x60, 0x43], "in their order");
     assert_eq!(rig.status(), (OP, 0));
 }
 

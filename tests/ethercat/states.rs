@@ -299,11 +299,11 @@ fn statement_18_init_and_back_leaves_nothing_of_the_mailbox() {
     assert_eq!(rig.send_counted(3, 5, &[0, 0x20, 0x60, 0, 0, 0, 0, 0, 0, 0]), 1);
     assert_eq!(rig.request(INIT), (INIT, 0));
     assert_eq!(rig.request(PRE_OP), (PRE_OP, 0));
-    assert_eq!(rig.receive(), None, "no answer of before");
+    assert_eq!(rig.receive(), None, "no response of before");
     assert_eq!(rig.send_counted(3, 5, &[0, 0x20, 0x60, 0, 0, 0, 0, 0, 0, 0]), 1);
-    let answer = rig.receive().expect("the counter of before is forgotten");
-    assert_eq!(answer[5] >> 4, 1, "the device's own too");
-    assert_eq!(answer[12..], [0x01, 0x00, 0x04, 0x05], "and so is the upload");
+    let response = rig.receive().expect("the counter of before is forgotten");
+    assert_eq!(response[5] >> 4, 1, "the device's own too");
+    assert_eq!(response[12..], [0x01, 0x00, 0x04, 0x05], "and so is the upload");
 }
 
 #[test]

@@ -101,7 +101,7 @@ fn frame_faults(random: &mut Random) -> FrameFaults {
     let mut probability = || [0.0, 0.01, 0.1][random.index(3)];
     FrameFaults {
         lost: probability(),
-        damaged: probability(),
+        corrupt: probability(),
         doubled: probability(),
         delayed: probability(),
         delay_us: 0..=3_000,

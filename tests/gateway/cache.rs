@@ -1,4 +1,4 @@
-//! Answers that are kept: a pure part.
+//! Responses that are kept: a pure part.
 
 use mobgate::port::client::cache::{Cache, CacheKey, RESPONSE_BYTES_MAX, RESPONSES_MAX};
 
@@ -23,7 +23,7 @@ fn only_reads_of_coils_inputs_and_registers_are_kept() {
 }
 
 #[test]
-fn the_oldest_answers_go_for_new_ones() {
+fn the_oldest_responses_go_for_new_ones() {
     let mut cache = Cache::new();
     for address in 0..=RESPONSES_MAX as u8 {
         cache.keep(question(1, address), &[3, 2, 0, address], NOW);
@@ -32,7 +32,7 @@ fn the_oldest_answers_go_for_new_ones() {
     assert_eq!(cache.response(question(1, 0), NOW, AGE), None);
     assert_eq!(cache.response(question(1, 1), NOW, AGE), Some(&[3, 2, 0, 1][..]));
     cache.keep(question(1, 99), &[3; RESPONSE_BYTES_MAX + 1], NOW);
-    assert!(cache.is_empty(), "an answer that cannot be leaves nothing behind");
+    assert!(cache.is_empty(), "a response that cannot be leaves nothing behind");
 }
 
 #[derive(Debug, Clone)]
@@ -54,21 +54,21 @@ fn any_step() -> impl Strategy<Value = Step> {
 type Kept = ((u8, u8), u64, Vec<u8>);
 
 proptest! {
-    /// What is given is the newest answer to the question, not too old, and no older than a write; only the oldest ones are
+    /// What is given is the newest response to the question, not too old, and no older than a write; only the oldest ones are
     /// forgotten, and only for want of room.
     #[test]
-    fn an_answer_from_memory_is_the_last_one_and_new_enough(steps in prop::collection::vec(any_step(), 1..200)) {
+    fn a_response_from_memory_is_the_last_one_and_new_enough(steps in prop::collection::vec(any_step(), 1..200)) {
         let mut cache = Cache::new();
         let mut model: Vec<Kept> = Vec::new();
         for (step, now) in steps.into_iter().zip(0_u64..) {
             match step {
                 Step::Keep(unit, address, length) => {
-                    let answer = vec![now as u8; length];
-                    cache.keep(question(unit, address), &answer, Instant::from_secs(now));
+                    let response = vec![now as u8; length];
+                    cache.keep(question(unit, address), &response, Instant::from_secs(now));
                     model.retain(|(asked, ..)| *asked != (unit, address));
-                    model.push(((unit, address), now, answer));
+                    model.push(((unit, address), now, response));
                     while model.len() > RESPONSES_MAX
-                        || model.iter().map(|(.., answer)| answer.len()).sum::<usize>() > RESPONSE_BYTES_MAX
+                        || model.iter().map(|(.., response)| response.len()).sum::<usize>() > RESPONSE_BYTES_MAX
                     {
                         model.remove(0);
                     }
@@ -81,7 +81,7 @@ proptest! {
                     let (at, age) = (Instant::from_secs(now), Duration::from_secs(age));
                     let known = model.iter().find(|(asked, ..)| *asked == (unit, address));
                     let fit = known.filter(|(_, sent, _)| now - sent <= age.as_secs());
-                    let expected = fit.map(|(.., answer)| &answer[..]);
+                    let expected = fit.map(|(.., response)| &response[..]);
                     prop_assert_eq!(cache.response(question(unit, address), at, age), expected);
                 }
             }

@@ -97,7 +97,7 @@ fn tshark_decodes_a_thousand_transactions_by_tcp_and_on_the_line_and_counts_the_
         let tcp = "frame.interface_name == \"P502\"";
         for (event, of) in [
             (Event::Request, "requests"),
-            (Event::Response, "answers"),
+            (Event::Response, "responses"),
             (Event::BadCheck, "bad-crc"),
             (Event::Short, "short"),
             (Event::WrongUnit, "wrong-unit"),
@@ -107,12 +107,12 @@ fn tshark_decodes_a_thousand_transactions_by_tcp_and_on_the_line_and_counts_the_
             assert_eq!(count(&format!("!({tcp}) && frame.comment == \"{of}\"")), counted, "{of}");
         }
         assert_eq!(count("mbrtu.crc16.status == \"Bad\""), rig.counted("bus", Event::BadCheck));
-        let exceptions = "frame.comment == \"answers\" && modbus.exception_code";
+        let exceptions = "frame.comment == \"responses\" && modbus.exception_code";
         assert_eq!(count(&format!("!({tcp}) && {exceptions}")), rig.counted("bus", Event::Exception));
         assert_eq!(rig.counted("bus", Event::Request), TRANSACTIONS);
         // As many by TCP, where a response that did not come is an exception of the gateway.
         assert_eq!(count(&format!("{tcp} && mbtcp && frame.comment == \"requests\"")), TRANSACTIONS);
-        assert_eq!(count(&format!("{tcp} && mbtcp && frame.comment == \"answers\"")), TRANSACTIONS);
+        assert_eq!(count(&format!("{tcp} && mbtcp && frame.comment == \"responses\"")), TRANSACTIONS);
         let refused = rig.counted("P502", Event::Exception);
         assert_eq!(count(&format!("{tcp} && {exceptions}")), refused);
         // Wireshark looks for the requests of responses that are no exceptions.
@@ -136,8 +136,8 @@ fn frames_by_udp_and_to_servers_are_decoded_too_and_only_while_somebody_follows(
         let client = rig.network.udp_client(machine(1), 502);
         let ask = |world: &mut World<'_>, unit| {
             client.send(&[0, 1, 0, 0, 0, 6, unit, 3, 0, 7, 0, 1]);
-            let answer = world.run_until(client.receive(Duration::from_secs(1)));
-            assert_eq!(answer.unwrap()[6..], [unit, 3, 2, unit, 7]);
+            let response = world.run_until(client.receive(Duration::from_secs(1)));
+            assert_eq!(response.unwrap()[6..], [unit, 3, 2, unit, 7]);
         };
         ask(world, 5);
         assert_eq!(rig.gateway.capture().unwrap().end(), 0, "nobody follows");
@@ -182,7 +182,7 @@ fn a_client_that_does_not_read_misses_frames_and_is_told_how_many_and_nobody_wai
         let mut client = rig.client(machine(1), 502);
         let begun = Instant::now();
         for _ in 0..100 {
-            assert!(matches!(world.run_until(client.request(5, REQUESTS[3])), Answer::Pdu(_)));
+            assert!(matches!(world.run_until(client.request(5, REQUESTS[3])), Response::Pdu(_)));
         }
         assert!(begun.elapsed() < Duration::from_secs(1), "as fast as ever");
         let streamed = world.spawn(collect(deaf));

@@ -17,8 +17,8 @@ fn settings(words: &str) -> String {
     )
 }
 
-/// Answers `answers` requests of each connection and closes it, `pause` after the last. Gives what it has carried out.
-fn serve(world: &World<'_>, rig: &Rig<'_>, answers: usize, pause: Duration) -> Rc<RefCell<Vec<[u8; 5]>>> {
+/// Answers `responses` requests of each connection and closes it, `pause` after the last. Gives what it has carried out.
+fn serve(world: &World<'_>, rig: &Rig<'_>, responses: usize, pause: Duration) -> Rc<RefCell<Vec<[u8; 5]>>> {
     let server = rig.network.serve(address(PLC));
     rig.network.set_path(address(PLC), Path { latency: MS, ..Path::default() });
     let carried_out = Rc::<RefCell<Vec<[u8; 5]>>>::default();
@@ -26,7 +26,7 @@ fn serve(world: &World<'_>, rig: &Rig<'_>, answers: usize, pause: Duration) -> R
     world.spawn(async move {
         loop {
             let mut stream = server.accept().await;
-            for _ in 0..answers {
+            for _ in 0..responses {
                 let mut request = [0; REQUEST_BYTES];
                 if stream.read_exact(&mut request).await.is_err() {
                     break;
@@ -34,9 +34,9 @@ fn serve(world: &World<'_>, rig: &Rig<'_>, answers: usize, pause: Duration) -> R
                 let pdu: [u8; 5] = request[7..].try_into().unwrap();
                 done.borrow_mut().push(pdu);
                 // A write is echoed; a read of one register gives its address.
-                let answer = if pdu[0] == 6 { pdu.to_vec() } else { vec![3, 2, pdu[1], pdu[2]] };
-                let head = [request[0], request[1], 0, 0, 0, 1 + answer.len() as u8, request[6]];
-                let _ = stream.write_all(&[&head[..], &answer].concat()).await;
+                let response = if pdu[0] == 6 { pdu.to_vec() } else { vec![3, 2, pdu[1], pdu[2]] };
+                let head = [request[0], request[1], 0, 0, 0, 1 + response.len() as u8, request[6]];
+                let _ = stream.write_all(&[&head[..], &response].concat()).await;
             }
             Timer::after(pause).await;
             drop(stream);
@@ -61,8 +61,8 @@ fn ask(
                     let pdu = request(nth, turn);
                     let expected = if pdu[0] == 6 { pdu.to_vec() } else { vec![3, 2, pdu[1], pdu[2]] };
                     match client.request(1, &pdu).await {
-                        Answer::Pdu(pdu) if pdu == expected => good += 1,
-                        answer if answer.exception() == Some(0x0b) => silent += 1,
+                        Response::Pdu(pdu) if pdu == expected => good += 1,
+                        response if response.exception() == Some(0x0b) => silent += 1,
                         other => panic!("{other:?}"),
                     }
                 }
@@ -75,17 +75,17 @@ fn ask(
 }
 
 #[test]
-fn reads_are_all_answered_by_a_server_that_closes_behind_each_answer() {
+fn reads_are_all_answered_by_a_server_that_closes_behind_each_response() {
     for words in ["", "in-flight 4", "idle 0", "request-delay 1ms"] {
-        for (answers, pause_us) in [(1, 0), (1, 300), (1, 1_000), (1, 5_000), (3, 300), (3, 2_500)] {
+        for (responses, pause_us) in [(1, 0), (1, 300), (1, 1_000), (1, 5_000), (3, 300), (3, 2_500)] {
             for clients in [1, 8] {
                 with_gateway(1, &settings(words), |world, rig| {
-                    serve(world, rig, answers, Duration::from_micros(pause_us));
+                    serve(world, rig, responses, Duration::from_micros(pause_us));
                     // A port that connects at once has found nobody at first.
                     world.run_for(Duration::from_secs(2));
                     let counts = ask(world, rig, clients, |nth, turn| [3, nth, turn, 0, 1]);
                     let all = 100 * usize::from(clients);
-                    let case = format!("{words}, {answers} answers, {pause_us} us, {clients} clients");
+                    let case = format!("{words}, {responses} responses, {pause_us} us, {clients} clients");
                     assert_eq!(counts, (all, 0), "{case}");
                     world.run_for(Duration::from_secs(10));
                     assert_eq!(rig.frames_in_use(), 0);
@@ -112,7 +112,7 @@ fn writes_are_sent_on_a_new_connection_where_the_end_of_the_old_one_has_come_and
 }
 
 #[test]
-fn a_server_that_closes_without_an_answer_is_not_asked_again_and_again() {
+fn a_server_that_closes_without_a_response_is_not_asked_again_and_again() {
     with_gateway(1, &settings(""), |world, rig| {
         // The first connection has a response, all others have none.
         let server = rig.network.serve(address(PLC));
@@ -129,7 +129,7 @@ fn a_server_that_closes_without_an_answer_is_not_asked_again_and_again() {
         });
         let mut client = rig.client(machine(1), 502);
         let mut read = || world.run_until(client.request(1, &[3, 0, 7, 0, 1]));
-        assert_eq!(read(), Answer::Pdu(vec![3, 2, 0, 7]));
+        assert_eq!(read(), Response::Pdu(vec![3, 2, 0, 7]));
         assert_eq!(read().exception(), Some(0x0b));
         assert_eq!(rig.network.counters().made, 2, "it was sent once more");
         assert_eq!(rig.counted("plc", Event::Retry), 1);
@@ -154,18 +154,18 @@ fn sent_again_for_all(policy: &str, registers: [u8; 3]) {
         // The first connection ends when it is asked a second time.
         let server = rig.network.serve(address(PLC));
         world.spawn(async move {
-            for answers in [1, usize::MAX] {
+            for responses in [1, usize::MAX] {
                 let mut stream = server.accept().await;
-                for _ in 0..answers {
+                for _ in 0..responses {
                     let mut request = [0; 8];
                     stream.read_exact(&mut request).await.unwrap();
                     let pdu = &request[1..6];
                     let values = (0..pdu[4]).flat_map(|nth| [pdu[1], pdu[2] + nth]);
-                    let answer = match pdu[0] {
+                    let response = match pdu[0] {
                         8 => pdu.to_vec(),
                         _ => [3, 2 * pdu[4]].into_iter().chain(values).collect(),
                     };
-                    stream.write_all(&frame(request[0], &answer)).await.unwrap();
+                    stream.write_all(&frame(request[0], &response)).await.unwrap();
                 }
                 let _ = stream.read_exact(&mut [0; 8]).await;
             }
@@ -174,8 +174,8 @@ fn sent_again_for_all(policy: &str, registers: [u8; 3]) {
             let mut client = rig.client(machine(register), 502);
             world.spawn(async move { client.request(1, &[3, 0, register, 0, 1]).await })
         });
-        let answers = asking.map(|client| world.run_until(client));
-        assert_eq!(answers, registers.map(|register| Answer::Pdu(vec![3, 2, 0, register])));
+        let responses = asking.map(|client| world.run_until(client));
+        assert_eq!(responses, registers.map(|register| Response::Pdu(vec![3, 2, 0, register])));
         assert_eq!((rig.counted("plc", Event::Merged), rig.counted("plc", Event::Retry)), (1, 1));
     });
 }

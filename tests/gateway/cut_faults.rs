@@ -13,7 +13,7 @@ const TO_ASCII: [(Framing, Framing); 2] = [PAIRS[1], PAIRS[3]];
 const TRANSACTIONS: u32 = 150;
 /// Worlds of a plain `cargo test`.
 const WORLDS: u64 = 60;
-/// Of all requests, damaged ones included, in per cent.
+/// Of all requests, corrupt ones included, in per cent.
 const GOOD_MIN: f64 = 70.0;
 /// On some boards.
 const LATE_READS: Duration = Duration::from_micros(300);
@@ -70,9 +70,9 @@ fn a_frame_that_begins_anew_in_the_middle_of_a_read_is_not_mixed_with_the_one_be
                 world.run_for(Duration::from_micros(50_000 + 190 * length as u64));
                 let both = [&other[..length], &framing::frame(Framing::Ascii, 105, &READ)].concat();
                 world.run_until(master.send_bytes(&both));
-                let heard = world.run_until(master.receive()).expect("an answer");
-                let answer = framing::open(Framing::Ascii, &heard.bytes);
-                assert_eq!(answer, Some((105, VALUE.to_vec())), "{down}, {length}");
+                let heard = world.run_until(master.receive()).expect("a response");
+                let response = framing::open(Framing::Ascii, &heard.bytes);
+                assert_eq!(response, Some((105, VALUE.to_vec())), "{down}, {length}");
             }
             assert!(counts(rig, "C")[2] > 0, "{down}: the ones before were begun");
         });
@@ -90,9 +90,9 @@ fn an_ascii_master_may_pause_inside_its_frames() {
                 Timer::after_millis(300).await;
             });
             world.run_until(master.send_bytes(&frame[at..]));
-            let heard = world.run_until(master.receive()).expect("an answer");
-            let answer = framing::open(Framing::Ascii, &heard.bytes);
-            assert_eq!(answer, Some((105, VALUE.to_vec())), "{case}, pause at {at}");
+            let heard = world.run_until(master.receive()).expect("a response");
+            let response = framing::open(Framing::Ascii, &heard.bytes);
+            assert_eq!(response, Some((105, VALUE.to_vec())), "{case}, pause at {at}");
         }
         assert_eq!(devices[0].counters().all_requests(), frame.len() as u64 - 1, "{case}");
         // Begun once; after that its pauses are known, and again when a frame had none.
@@ -116,13 +116,13 @@ fn a_master_that_pauses_inside_its_frames_keeps_nobody_else_from_the_line() {
                     master.send_bytes(character).await;
                     Timer::after_millis(500).await;
                 }
-                master.receive().await.expect("an answer")
+                master.receive().await.expect("a response")
             };
             let others = async {
                 for _ in 0..20 {
                     Timer::after_millis(310).await;
                     let asked = Instant::now();
-                    assert_eq!(client.request(6, &READ).await, Answer::Pdu(vec![3, 2, 6, 7]));
+                    assert_eq!(client.request(6, &READ).await, Response::Pdu(vec![3, 2, 6, 7]));
                     assert!(asked.elapsed() < Duration::from_millis(100), "{down}: {:?}", asked.elapsed());
                 }
             };
@@ -133,7 +133,7 @@ fn a_master_that_pauses_inside_its_frames_keeps_nobody_else_from_the_line() {
 }
 
 #[test]
-fn an_ascii_device_that_pauses_inside_its_answers_is_answered_for_all_but_once() {
+fn an_ascii_device_that_pauses_inside_its_responses_is_answered_for_all_but_once() {
     let pause = Faults::new(1).with(When::Always, Fault::GapInside(Duration::from_millis(50)));
     pairs(&TO_ASCII, &SPEEDS, "", |case, _, world, rig, devices| {
         devices[0].set_faults(pause.clone());
@@ -165,7 +165,7 @@ fn what_is_read_together_with_the_end_of_its_frame_is_passed_on_as_well() {
 }
 
 #[test]
-fn an_answer_that_pauses_where_ascii_may_pause_is_passed_on_to_its_end() {
+fn a_response_that_pauses_where_ascii_may_pause_is_passed_on_to_its_end() {
     between((Framing::Ascii, 19_200), (Framing::Rtu, 9_600), "", |world, rig, devices| {
         let pause = Fault::GapInside(Duration::from_micros(2_500));
         devices[0].set_faults(Faults::new(1).with(When::Always, pause));
@@ -175,7 +175,7 @@ fn an_answer_that_pauses_where_ascii_may_pause_is_passed_on_to_its_end() {
 }
 
 #[test]
-fn an_answer_that_pauses_is_heard_to_its_end_where_reads_are_late() {
+fn a_response_that_pauses_is_heard_to_its_end_where_reads_are_late() {
     let late_reads = Duration::from_micros(300);
     let size = Size { late_reads, ..Size::default() };
     for (down, registers) in [(9_600, 4), (38_400, 4), (115_200, 1)] {
@@ -196,8 +196,8 @@ fn an_answer_that_pauses_is_heard_to_its_end_where_reads_are_late() {
             for pause_us in (0..1_900).step_by(20) {
                 let pause = Fault::GapInside(Duration::from_micros(pause_us));
                 device.set_faults(Faults::new(1).with(When::Always, pause));
-                let answer = world.run_until(master.request(5, &[3, 0, 7, 0, registers]));
-                let is_good = matches!(answer, Answer::Pdu(pdu) if pdu[..2] == [3, 2 * registers]);
+                let response = world.run_until(master.request(5, &[3, 0, 7, 0, registers]));
+                let is_good = matches!(response, Response::Pdu(pdu) if pdu[..2] == [3, 2 * registers]);
                 // A longer pause ends what the board relays, and spoils an RTU frame.
                 assert!(is_good || pause_us >= t1_5_us, "{down}, a pause of {pause_us} us");
                 world.run_for(Duration::from_millis(20));
@@ -205,7 +205,7 @@ fn an_answer_that_pauses_is_heard_to_its_end_where_reads_are_late() {
             assert!(counts(rig, "S")[0] > 0);
             let end = (rig.end("down"), Framing::Rtu);
             let hasty = rig.wire("down").hasty_frames(end, late_reads, Duration::from_ticks(0));
-            assert_eq!(hasty, [], "{down}: requests in an answer that pauses");
+            assert_eq!(hasty, [], "{down}: requests in a response that pauses");
         });
     }
 }
@@ -216,7 +216,7 @@ struct Outcome {
     good: u32,
     refused: u32,
     silent: u32,
-    damaged: u32,
+    corrupt: u32,
 }
 
 /// One of the two lines.
@@ -237,16 +237,17 @@ impl Line {
     }
 }
 
-/// Answers go astray in some worlds and are late without a bound in the others: a stray one is the late one of another for all that
+/// Responses go astray in some worlds and are late without a bound in the others: a stray one is the late one of another for all that
 /// anybody can tell.
 fn faults(random: &mut Random) -> Faults {
     let late = if random.chance(0.25) { Fault::WrongUnit } else { Fault::draw_late(random) };
     let last = [Fault::NoiseAfter(3), Fault::GapInside(PAUSE), Fault::Exception(4)];
-    let kinds = [&[late, Fault::Dead, Fault::Unheard][..], &Fault::DAMAGED, &Fault::MISFITS, &last].concat();
+    let kinds =
+        [&[late, Fault::Dead, Fault::Unheard][..], &Fault::CORRUPTING, &Fault::MISFITS, &last].concat();
     kinds.into_iter().fold(Faults::new(random.bits()), |faults, fault| faults.with(When::Chance(0.02), fault))
 }
 
-/// One transaction of a master that speaks `format`, with a request that is sometimes damaged; an ASCII one may pause.
+/// One transaction of a master that speaks `format`, with a request that is sometimes corrupt; an ASCII one may pause.
 async fn transaction(
     (master, format): (&mut Master, Framing),
     random: &mut Random,
@@ -258,8 +259,8 @@ async fn transaction(
     let unit = random.index(2);
     let asked_us = Instant::now().as_micros() as u32;
     let mut frame = framing::frame(format, 101 + unit as u8, &[3, 0, FRESH as u8, 0, Fresh::REGISTERS as u8]);
-    let damage = random.index(8) == 0;
-    if damage {
+    let corruption = random.index(8) == 0;
+    if corruption {
         let at = random.index(frame.len());
         frame[at] ^= 1 << random.index(8);
     }
@@ -271,27 +272,27 @@ async fn transaction(
     } else {
         master.send_bytes(&frame).await;
     }
-    let answer = master.receive().await.map(|heard| heard.bytes);
-    let Some(answer) = answer else {
+    let response = master.receive().await.map(|heard| heard.bytes);
+    let Some(response) = response else {
         outcome.silent += 1;
         return;
     };
-    let opened = framing::open(format, &answer);
+    let opened = framing::open(format, &response);
     match opened.as_ref().map(|(from, pdu)| (*from, &pdu[..])) {
-        None => outcome.damaged += 1,
+        None => outcome.corrupt += 1,
         Some((from, [0x83, _])) => {
-            assert!(!damage && from == 101 + unit as u8, "{case}: {answer:02x?}");
+            assert!(!corruption && from == 101 + unit as u8, "{case}: {response:02x?}");
             outcome.refused += 1;
         }
         // The first half of a CRC looks like a whole one behind every 256th frame that is broken off there: the master sees
         // that bytes are missing.
-        Some((_, [3, count, values @ ..])) if usize::from(*count) != values.len() => outcome.damaged += 1,
+        Some((_, [3, count, values @ ..])) if usize::from(*count) != values.len() => outcome.corrupt += 1,
         Some((from, pdu)) => {
-            assert!(!damage, "{case}: an answer to a damaged request, {answer:02x?}");
+            assert!(!corruption, "{case}: a response to a corrupt request, {response:02x?}");
             assert_eq!(from, 101 + unit as u8, "{case}");
-            let fresh = Fresh::from_response(pdu).unwrap_or_else(|| panic!("{case}: {answer:02x?}"));
+            let fresh = Fresh::from_response(pdu).unwrap_or_else(|| panic!("{case}: {response:02x?}"));
             let stale = fresh.at_us.wrapping_sub(asked_us) > u32::MAX / 2 || fresh.reads <= last[unit];
-            assert!(!stale, "{case}: an answer to an earlier request");
+            assert!(!stale, "{case}: a response to an earlier request");
             last[unit] = fresh.reads;
             outcome.good += 1;
         }
@@ -353,7 +354,7 @@ fn world(seed: u64) -> (u32, Outcome) {
 }
 
 #[test]
-fn no_answer_is_the_wrong_one_whatever_happens_to_frames_on_their_way() {
+fn no_response_is_the_wrong_one_whatever_happens_to_frames_on_their_way() {
     let mut total = Outcome::default();
     let (mut passed, mut all) = (0, 0);
     each_world(WORLDS, "cut_torture_good", GOOD_MIN, |seed, share| {
@@ -363,12 +364,12 @@ fn no_answer_is_the_wrong_one_whatever_happens_to_frames_on_their_way() {
         share.add(outcome.good, TRANSACTIONS);
         total.refused += outcome.refused;
         total.silent += outcome.silent;
-        total.damaged += outcome.damaged;
+        total.corrupt += outcome.corrupt;
     });
     // One world may be a bad one.
     if all > 10 * TRANSACTIONS {
         assert!(passed > all / 2, "{passed} frames were passed on while they arrived");
-        let kinds = [total.refused, total.silent, total.damaged];
+        let kinds = [total.refused, total.silent, total.corrupt];
         assert!(kinds.iter().all(|count| *count > 0), "every kind of bad day was there: {kinds:?}");
     }
 }

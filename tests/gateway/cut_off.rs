@@ -83,7 +83,7 @@ fn comes_in(world: &mut World<'_>, rig: &Rig<'_>) -> bool {
     let Ok(stream) = rig.network.connect(machine(1), 502) else { return false };
     let mut client = Client::new(stream);
     let said = world.run_until(client.request(1, &READ));
-    if !matches!(said, Answer::Pdu(_)) {
+    if !matches!(said, Response::Pdu(_)) {
         return false;
     }
     let said = world.run_until(by_network(rig.gateway, &mut Medium::default(), "commit check"));

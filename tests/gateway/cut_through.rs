@@ -78,7 +78,7 @@ pub(crate) fn pairs(
 /// A good request is answered.
 pub(crate) fn is_well(case: &str, world: &mut World<'_>, master: &mut Master) {
     world.run_for(Duration::from_millis(50));
-    assert_eq!(world.run_until(master.request(105, &READ)), Answer::Pdu(VALUE.to_vec()), "{case}");
+    assert_eq!(world.run_until(master.request(105, &READ)), Response::Pdu(VALUE.to_vec()), "{case}");
 }
 
 /// How often port `name` sent a frame while it arrived, sent a whole one, and broke one off.
@@ -110,8 +110,8 @@ fn frames_are_passed_on_in_both_directions_between_all_pairs_of_framings_and_spe
             (&[3, 0, 50, 0, 3], &[3, 6, 1, 2, 3, 4, 5, 6]),
             (&[3, 0xff, 0, 0, 1], &[0x83, 2]),
         ];
-        for (request, answer) in requests {
-            assert_eq!(world.run_until(master.request(105, request)), Answer::Pdu(answer.to_vec()), "{case}");
+        for (request, pdu) in requests {
+            assert_eq!(world.run_until(master.request(105, request)), Response::Pdu(pdu.to_vec()), "{case}");
             world.run_for(Duration::from_millis(50));
         }
         assert_eq!(counts(rig, "C"), [4, 0, 0], "{case}");
@@ -130,7 +130,8 @@ fn the_board_relays_all_of_a_frame_between_its_header_and_its_last_character() {
     played(19_200, 19_200, "", |world, rig, devices| {
         let mut write = vec![16, 0, 0, 0, 120, 240];
         write.extend([0x55; 240]);
-        assert_eq!(world.run_until(rig.master("up").request(105, &write)), Answer::Pdu(write[..5].to_vec()));
+        let response = world.run_until(rig.master("up").request(105, &write));
+        assert_eq!(response, Response::Pdu(write[..5].to_vec()));
         assert_eq!(devices[0].memory().holding[119], 0x5555);
         // Behind the unit, six bytes tell the length; of the CRC one half is left.
         assert_eq!(rig.end("up").relayed_chars(), 240 + 2);
@@ -145,9 +146,9 @@ fn a_request_with_any_bit_of_any_character_turned_is_never_carried_out() {
         let frame = framing::frame(up, 105, &READ);
         let mut master = rig.master("up");
         for (at, bit) in (0..frame.len()).flat_map(|at| (0..7).map(move |bit| (at, bit))) {
-            let mut damaged = frame.clone();
-            damaged[at] ^= 1 << bit;
-            world.run_until(master.send_bytes(&damaged));
+            let mut corrupt = frame.clone();
+            corrupt[at] ^= 1 << bit;
+            world.run_until(master.send_bytes(&corrupt));
             world.run_for(Duration::from_millis(60));
         }
         for device in devices {
@@ -163,7 +164,7 @@ fn a_request_with_any_bit_of_any_character_turned_is_never_carried_out() {
 }
 
 #[test]
-fn a_damaged_request_stays_damaged_and_costs_the_unit_nothing() {
+fn a_corrupt_request_stays_corrupt_and_costs_the_unit_nothing() {
     for (up, down) in [(19_200, 19_200), (9_600, 115_200), (115_200, 9_600)] {
         played(up, down, "", |world, rig, devices| {
             let mut master = rig.master("up");
@@ -177,13 +178,13 @@ fn a_damaged_request_stays_damaged_and_costs_the_unit_nothing() {
             assert_eq!(devices[0].counters().bad_crc, 6, "the device has seen every one of them");
             assert_eq!(counts(rig, "C"), [6, 0, 6]);
             assert_eq!(rig.counted("C", Event::Timeout), 0);
-            assert_eq!(world.run_until(master.request(105, &READ)), Answer::Pdu(VALUE.to_vec()));
+            assert_eq!(world.run_until(master.request(105, &READ)), Response::Pdu(VALUE.to_vec()));
         });
     }
 }
 
 #[test]
-fn a_damaged_check_goes_on_as_a_wrong_check() {
+fn a_corrupt_check_goes_on_as_a_wrong_check() {
     pairs(&PAIRS, &SPEEDS, "", |case, up, world, rig, devices| {
         let mut frame = framing::frame(up, 105, &READ);
         // The last half of the CRC, or the last digit of the LRC.
@@ -215,7 +216,7 @@ fn a_request_that_breaks_off_anywhere_is_broken_off_on_the_other_line() {
 }
 
 #[test]
-fn what_answers_a_request_that_broke_off_where_it_looked_whole_is_no_answer_to_the_next_one() {
+fn what_answers_a_request_that_broke_off_where_it_looked_whole_is_no_response_to_the_next_one() {
     played(19_200, 19_200, "", |world, rig, devices| {
         // A write whose first data happen to be the CRC of what the device's line has seen of it: the device takes it for a
         // frame, and refuses it late.
@@ -226,8 +227,8 @@ fn what_answers_a_request_that_broke_off_where_it_looked_whole_is_no_answer_to_t
         let mut master = rig.master("up");
         world.run_until(master.send_bytes(&begin));
         world.run_for(Duration::from_millis(10));
-        let answer = world.run_until(master.request(105, &[16, 0, 50, 0, 1, 2, 1, 2]));
-        assert_eq!(answer, Answer::Pdu(vec![16, 0, 50, 0, 1]));
+        let response = world.run_until(master.request(105, &[16, 0, 50, 0, 1, 2, 1, 2]));
+        assert_eq!(response, Response::Pdu(vec![16, 0, 50, 0, 1]));
         assert_eq!(devices[0].counters().requests[16], 2, "the device has heard two requests");
         assert_eq!(counts(rig, "C")[2], 1);
     });
@@ -247,8 +248,8 @@ fn a_frame_for_a_busy_line_is_stored_or_passed_on_late() {
                 master.request(105, &READ).await
             };
             let (others, ours) = world.run_until(join(others, ours));
-            assert!(matches!(others, Answer::Pdu(_)), "{case}");
-            assert_eq!(ours, Answer::Pdu(VALUE.to_vec()), "{case}");
+            assert!(matches!(others, Response::Pdu(_)), "{case}");
+            assert_eq!(ours, Response::Pdu(VALUE.to_vec()), "{case}");
             world.run_for(Duration::from_millis(100));
         }
         let [cut, stored, aborted] = counts(rig, "C");
@@ -270,7 +271,7 @@ fn a_frame_that_breaks_off_while_it_is_passed_on_holds_up_nobody() {
             let (mut master, mut client) = (rig.master("up"), rig.client(machine(1), 502));
             let mut is_free = |world: &mut World<'_>, what: &str, length| {
                 let asked = Instant::now();
-                assert_eq!(world.run_until(client.request(6, &READ)), Answer::Pdu(vec![3, 2, 6, 7]));
+                assert_eq!(world.run_until(client.request(6, &READ)), Response::Pdu(vec![3, 2, 6, 7]));
                 let took = asked.elapsed();
                 let soon = took < Duration::from_millis(150);
                 assert!(soon, "{length} bytes of {what} from {up} to {down}: {took}");
@@ -282,13 +283,13 @@ fn a_frame_that_breaks_off_while_it_is_passed_on_holds_up_nobody() {
                 is_free(world, "a request", length);
             }
             for length in 1..13 {
-                // What follows a damaged response is not passed on.
+                // What follows a corrupt response is not passed on.
                 device.set_faults(Faults::none());
                 world.run_until(master.request(5, &READ));
                 world.run_for(Duration::from_millis(100));
                 device.set_faults(Faults::new(1).with(When::Always, Fault::CutTo(length)));
                 world.run_until(master.send(5, &[3, 0, 7, 0, 4]));
-                is_free(world, "an answer", length);
+                is_free(world, "a response", length);
             }
             assert!(counts(rig, "S")[0] > 0 && counts(rig, "C")[0] > 0);
         });

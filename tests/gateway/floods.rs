@@ -1,4 +1,4 @@
-//! Floods of requests that are refused: they cost the gateway a bounded number of refusals, and nobody else his answers.
+//! Floods of requests that are refused: they cost the gateway a bounded number of refusals, and nobody else his responses.
 
 use std::cell::Cell;
 use std::rc::Rc;
@@ -31,10 +31,10 @@ const SETTINGS: &str = "port bus serial uart1 rtu client 115200 8N1 timeout 100m
 
 /// A client that keeps `OPEN` requests open; counts its responses.
 fn flood(world: &World<'_>, rig: &Rig<'_>, unit: u8, pdu: [u8; 5]) -> Rc<Cell<u32>> {
-    let answers = Rc::<Cell<u32>>::default();
+    let responses = Rc::<Cell<u32>>::default();
     for nth in 0..FLOODERS {
         let mut session = Session::start(rig.network.connect(machine(100), 502).unwrap(), world);
-        let answers = answers.clone();
+        let responses = responses.clone();
         let request = [pdu[0], pdu[1], pdu[2] + nth as u8, pdu[3], pdu[4]];
         world.spawn(async move {
             for _ in 0..OPEN {
@@ -42,13 +42,13 @@ fn flood(world: &World<'_>, rig: &Rig<'_>, unit: u8, pdu: [u8; 5]) -> Rc<Cell<u3
             }
             loop {
                 session.next().await;
-                answers.set(answers.get() + 1);
+                responses.set(responses.get() + 1);
                 Timer::after(REACTION).await;
                 session.send(unit, &request).await;
             }
         });
     }
-    answers
+    responses
 }
 
 /// The transactions of a polite client and of the line in the time of the flood.
@@ -59,7 +59,7 @@ fn transactions(world: &mut World<'_>, rig: &Rig<'_>) -> (u64, u32) {
     let load = load.run(&mut polite, || (5, READ.to_vec()), |_, _, _| {});
     let load = world.run_until(load);
     assert!(load.exceptions.is_empty(), "{:?}", load.exceptions);
-    (load.answers, rig.counted("bus", Event::Response) - before)
+    (load.responses, rig.counted("bus", Event::Response) - before)
 }
 
 fn with_line<T>(test: impl for<'w> FnOnce(&mut World<'w>, &Rig<'w>) -> T) -> T {
@@ -72,7 +72,7 @@ fn with_line<T>(test: impl for<'w> FnOnce(&mut World<'w>, &Rig<'w>) -> T) -> T {
 }
 
 #[test]
-fn a_flood_that_is_refused_gets_a_bounded_number_of_refusals_and_takes_no_answer_from_others() {
+fn a_flood_that_is_refused_gets_a_bounded_number_of_refusals_and_takes_no_response_from_others() {
     let alone = with_line(transactions);
     for (unit, pdu, exception) in [
         (99, READ, "0A"),
@@ -82,10 +82,10 @@ fn a_flood_that_is_refused_gets_a_bounded_number_of_refusals_and_takes_no_answer
         (9, READ, "0B"),
     ] {
         with_line(|world, rig| {
-            let answers = flood(world, rig, unit, pdu);
+            let responses = flood(world, rig, unit, pdu);
             world.run_for(Duration::from_secs(1));
             let (polite, line) = transactions(world, rig);
-            let refused = answers.get();
+            let refused = responses.get();
             assert!(refused <= REFUSALS_MAX * 11 / 10, "{exception}: {refused} refusals");
             assert!(refused >= 1_000, "{exception}: it is a flood: {refused}");
             let (alone, _) = alone;
@@ -98,19 +98,19 @@ fn a_flood_that_is_refused_gets_a_bounded_number_of_refusals_and_takes_no_answer
 fn a_flood_that_fills_the_queue_keeps_the_line_as_busy_as_it_was_and_its_turns_fair() {
     let (_, alone) = with_line(transactions);
     with_line(|world, rig| {
-        let answers = flood(world, rig, 1, READ);
+        let responses = flood(world, rig, 1, READ);
         world.run_for(Duration::from_secs(1));
         let (polite, line) = transactions(world, rig);
         assert!(20 * line >= 19 * alone, "{line} of {alone}");
         assert!(100 * polite >= 45 * u64::from(line), "{polite} of {line}: half is the other address's");
         let busy = rig.counted("P502", Event::Busy);
-        let served = answers.get() - busy;
+        let served = responses.get() - busy;
         assert!(served > 500 && busy <= 2 * served, "{busy} refusals, {served} served");
     });
 }
 
 #[test]
-fn what_gets_no_answer_is_read_no_faster_than_refusals_are_given() {
+fn what_gets_no_response_is_read_no_faster_than_refusals_are_given() {
     with_line(|world, rig| {
         let discarded = [[0, 1, 0, 0, 0, 6, 22, 3, 0, 0, 0, 1]; 20].concat();
         let not_modbus = [[0, 1, 0, 9, 0, 2, 1, 3]; 30].concat();
@@ -187,7 +187,7 @@ fn orders_of_clients_that_have_left_keep_a_full_queue_from_nobody_for_long() {
             let (mut first, mut polite) = (connect(world), connect(world));
             let leaving = [(); 2].map(|()| [(); 8].map(|()| connect(world)));
             wait(world, 100);
-            // Nothing answers, so the line is busy all the time.
+            // Nothing responds, so the line is busy all the time.
             world.run_until(first.send(5, &READ));
             wait(world, 20);
             // Nobody has more orders than the others.

@@ -131,7 +131,7 @@ fn a_reader_follows_a_frame_that_is_still_being_filled() {
 }
 
 #[test]
-fn an_answer_takes_the_place_of_its_request() {
+fn a_response_takes_the_place_of_its_request() {
     let pool = pool(1, 0);
     let frame = filled(&pool, 0, &[3, 0, 0, 0, 1]).unwrap();
     frame.replace(&[3, 2, 0xab, 0xcd]).unwrap();

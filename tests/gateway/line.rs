@@ -14,7 +14,7 @@ fn who_asks_while_the_line_is_opened_for_the_first_time_waits_for_that() {
     let settings = format!("{SETTINGS}edit port P1 late-window 1ms");
     rig::with_gateway_of(Size { opening, ..Size::default() }, 1, &settings, |world, rig| {
         rig.attach(world, "bus", [Device::new(5)]);
-        assert_eq!(rig.ask(world, 5, &[3, 0, 7, 0, 1]), Answer::Pdu(vec![3, 2, 5, 7]));
+        assert_eq!(rig.ask(world, 5, &[3, 0, 7, 0, 1]), Response::Pdu(vec![3, 2, 5, 7]));
         assert!(Instant::now() > Instant::MIN + opening);
     });
 }

@@ -3,7 +3,6 @@
 // Linked for the clock and the locks of a host.
 use mobgate_clock as _;
 
-mod answer_times;
 mod audit;
 mod board;
 mod cache;
@@ -32,6 +31,7 @@ mod proofs;
 mod queue;
 mod queue_model;
 mod random_frames;
+mod response_times;
 mod rules;
 mod scan;
 mod serial_server;

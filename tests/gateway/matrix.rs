@@ -135,22 +135,22 @@ fn play(way_in: In, out: Out, fault: Option<Fault>) -> usize {
                 fault.map_or(Faults::none(), |fault| Faults::new(3).with(When::Requests(1..=1), fault));
             device.set_faults(faults);
             let executed = mirror.execute(&request);
-            let answer = requester.ask(world, &request);
+            let response = requester.ask(world, &request);
             let expected = match expected {
                 Outcome::Response => executed.unwrap_or_else(|code| vec![function | 0x80, code]),
                 Outcome::Exception(code) => vec![function | 0x80, code],
             };
-            assert_eq!(answer, Answer::Pdu(expected), "{}", tell());
+            assert_eq!(response, Response::Pdu(expected), "{}", tell());
             let asked = Instant::now();
-            let mut answer = requester.ask(world, &READ_FRESH);
-            if answer.exception() == Some(0x0a) && ends_the_connection(fault) {
+            let mut response = requester.ask(world, &READ_FRESH);
+            if response.exception() == Some(0x0a) && ends_the_connection(fault) {
                 // Its first response broke it, so it is not connected again at once.
                 world.run_for(600 * MS);
-                answer = requester.ask(world, &READ_FRESH);
+                response = requester.ask(world, &READ_FRESH);
             }
-            let Answer::Pdu(answer) = answer else { panic!("behind {}", tell()) };
-            let fresh =
-                Fresh::from_response(&answer).unwrap_or_else(|| panic!("{answer:02x?} behind {}", tell()));
+            let Response::Pdu(response) = response else { panic!("behind {}", tell()) };
+            let fresh = Fresh::from_response(&response)
+                .unwrap_or_else(|| panic!("{response:02x?} behind {}", tell()));
             assert!(u64::from(fresh.at_us) >= asked.as_micros(), "stale behind {}", tell());
         }
         world.run_for(Duration::from_secs(5));
@@ -177,16 +177,16 @@ impl Requester {
         }
     }
 
-    pub(crate) fn ask(&mut self, world: &mut World<'_>, pdu: &[u8]) -> Answer {
+    pub(crate) fn ask(&mut self, world: &mut World<'_>, pdu: &[u8]) -> Response {
         match self {
             Self::Stream(client) => world.run_until(client.request(UNIT, pdu)),
             Self::Line(master) => world.run_until(master.request(UNIT, pdu)),
             Self::Udp(client, transaction) => {
                 *transaction += 1;
                 client.send(&frame(*transaction, UNIT, pdu));
-                let answer = world.run_until(client.receive(5_000 * MS)).expect("an answer");
-                assert_eq!(answer, frame(*transaction, UNIT, &answer[7..]));
-                Answer::Pdu(answer[7..].to_vec())
+                let response = world.run_until(client.receive(5_000 * MS)).expect("a response");
+                assert_eq!(response, frame(*transaction, UNIT, &response[7..]));
+                Response::Pdu(response[7..].to_vec())
             }
         }
     }

@@ -42,19 +42,19 @@ impl Coming {
         Faults::new(seed).with(When::Requests(1..=1), fault)
     }
 
-    /// What the requester gets; the device's own response is `answer`.
-    fn outcome(self, framing: Framing, answer: &[u8], cut: bool) -> Answer {
-        let function = answer[0];
-        // The end of such an RTU answer is told by silence only, so what stands behind it belongs to it. The others have
+    /// What the requester gets; the device's own response is `response`.
+    fn outcome(self, framing: Framing, response: &[u8], cut: bool) -> Response {
+        let function = response[0];
+        // The end of such an RTU response is told by silence only, so what stands behind it belongs to it. The others have
         // lengths that the request tells (Application Protocol 6).
         let ended_by_silence = !matches!(function, 1..=8 | 11 | 12 | 15..=17 | 20..=24);
         if cut && !ended_by_silence && matches!(self, Self::Truncated | Self::BadCheck) {
-            // It was passed on while it came, and nothing can follow it: the requester sees the damage.
-            return Answer::Wrong(Reply { transaction: 0, protocol: 0, unit: 0, pdu: Vec::new() });
+            // It was passed on while it came, and nothing can follow it: the requester sees the corruption.
+            return Response::Wrong(Reply { transaction: 0, protocol: 0, unit: 0, pdu: Vec::new() });
         }
-        Answer::Pdu(match self {
-            Self::Normal | Self::NoiseBefore => answer.to_vec(),
-            Self::NoiseAfter if framing == Framing::Ascii || !ended_by_silence => answer.to_vec(),
+        Response::Pdu(match self {
+            Self::Normal | Self::NoiseBefore => response.to_vec(),
+            Self::NoiseAfter if framing == Framing::Ascii || !ended_by_silence => response.to_vec(),
             Self::Exception => vec![function | 0x80, DEVICE_FAILURE],
             _ => vec![function | 0x80, NO_RESPONSE],
         })
@@ -107,17 +107,17 @@ fn all_outcomes(server: &str, client: &str, cut: bool) {
         for (function, coming) in
             (1..=127).flat_map(|function| Coming::iter().map(move |coming| (function, coming)))
         {
-            let (request, answer) = exchange(function);
-            device.set_response(&answer);
+            let (request, response) = exchange(function);
+            device.set_response(&response);
             device.set_faults(coming.faults(u64::from(function)));
             let case = format!("{server} to {client}, function {function}, {coming:?}");
             let outcome = requester.ask(world, &request);
-            assert_eq!(outcome, coming.outcome(framing, &answer, cut), "{case}");
+            assert_eq!(outcome, coming.outcome(framing, &response, cut), "{case}");
             // Whatever came, what comes next is the response to what is asked next.
-            let (request, answer) = exchange(if function == 6 { 3 } else { 6 });
-            device.set_response(&answer);
+            let (request, response) = exchange(if function == 6 { 3 } else { 6 });
+            device.set_response(&response);
             world.run_for(MS);
-            assert_eq!(requester.ask(world, &request), Answer::Pdu(answer), "after {case}");
+            assert_eq!(requester.ask(world, &request), Response::Pdu(response), "after {case}");
         }
         world.run_for(Duration::from_secs(10));
         assert_eq!(rig.frames_in_use(), 0);

@@ -156,7 +156,7 @@ fn the_numbers_of_proofs_come_again_after_all_others_only() {
     }
 }
 
-/// A request on its way through a device that answers in order, or not at all.
+/// A request on its way through a device that responds in order, or not at all.
 struct InPipe {
     serial: u64,
     response: Vec<u8>,

@@ -16,7 +16,7 @@ fn sixteen_requests_can_be_open_and_no_more() {
     assert_eq!(pending_requests.room(now), None);
     assert_eq!(pending_requests.start(99, 1, now), Err(99));
     assert_eq!(pending_requests.finish(ids[3]).map(|pending| pending.request), Some(3));
-    assert_eq!(pending_requests.finish(ids[3]), None, "an answer is taken once");
+    assert_eq!(pending_requests.finish(ids[3]), None, "a response is taken once");
     assert_eq!(pending_requests.room(now), Some(now));
 }
 
@@ -39,7 +39,7 @@ fn when_too_many_ids_are_lost_the_next_request_waits_for_the_first_windows_end()
 proptest! {
     /// No id is given while it is open, or while a response to its last use may come; whatever is started ends once.
     #[test]
-    fn an_id_is_not_used_again_while_an_answer_to_it_may_come(
+    fn an_id_is_not_used_again_while_a_response_to_it_may_come(
         first in any::<u16>(),
         window_ms in 0..400_u64,
         steps in prop::collection::vec((0..4_u8, 0..60_u64), 1..400),

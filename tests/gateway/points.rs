@@ -86,7 +86,7 @@ fn add(scanner: &mut Scanner, row: Row) -> RowId {
 }
 
 /// The response that a device gives whose registers hold their addresses, and whose bits are those of that.
-fn answer(request: &Request) -> Vec<u8> {
+fn response(request: &Request) -> Vec<u8> {
     let pdu = &request.pdu;
     let word = |at: usize| u16::from_be_bytes([pdu[at], pdu[at + 1]]);
     match pdu[0] {
@@ -113,7 +113,7 @@ fn bit_of(address: u16) -> bool {
 /// The next request, which the device answers at once.
 fn exchange(scanner: &mut Scanner, now: Instant) -> Option<Request> {
     let request = scanner.next(now)?;
-    scanner.answered(request.device, now, Ok(&answer(&request)));
+    scanner.answered(request.device, now, Ok(&response(&request)));
     Some(request)
 }
 

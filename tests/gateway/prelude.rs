@@ -10,7 +10,7 @@ pub(crate) use mobgate::scanner::{
 };
 pub(crate) use mobgate::settings::{Framing, PortId, Priority, Settings};
 pub(crate) use mobgate::stats::{Event, LastError};
-pub(crate) use mobgate_simulator::client::Answer;
+pub(crate) use mobgate_simulator::client::Response;
 pub(crate) use mobgate_simulator::client::session::Session;
 pub(crate) use mobgate_simulator::console::typed;
 pub(crate) use mobgate_simulator::device::{Fresh, rtu};
@@ -30,9 +30,9 @@ pub(crate) const PLC: &str = "10.0.1.1:502";
 /// A read of a register that tells whose it is.
 pub(crate) const READ: [u8; 5] = [3, 0, 7, 0, 1];
 
-/// What the device `unit` answers to [`READ`].
-pub(crate) fn value(unit: u8) -> Answer {
-    Answer::Pdu(vec![3, 2, unit, 7])
+/// What the device `unit` responds to [`READ`].
+pub(crate) fn value(unit: u8) -> Response {
+    Response::Pdu(vec![3, 2, unit, 7])
 }
 
 pub(crate) fn address(text: &str) -> SocketAddr {

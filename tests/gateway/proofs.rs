@@ -50,7 +50,7 @@ fn ignores(units: &mut Units) {
     assert_eq!(units.match_response(ID, &TO_INPUT, true, NOW), Ok(()));
 }
 
-/// A proof by function 8 that the unit answers.
+/// A proof by function 8 that the unit responds to.
 fn echoes(units: &mut Units) {
     units.sent(ID, &[8, 0, 0, 9, 9], Purpose::Diagnostic);
     assert_eq!(units.match_response(ID, &[8, 0, 0, 9, 9], true, NOW), Ok(()));
@@ -128,8 +128,8 @@ fn a_unit_that_answers_function_8_is_asked_by_nothing_else() {
 
 #[test]
 fn a_proof_that_is_answered_or_not_ends_what_was_noted_of_it() {
-    // Whether it answers.
-    for answers in [true, false] {
+    // Whether it responds.
+    for responses in [true, false] {
         let units = &mut new_units();
         units.sent(ID, &ONE, Purpose::Request);
         units.learn(ID, &INPUT);
@@ -140,7 +140,7 @@ fn a_proof_that_is_answered_or_not_ends_what_was_noted_of_it() {
         units.not_proved(ID, NOW, 0);
         assert_eq!(proof(units, &ONE, NOW), Some(INPUT));
         units.sent(ID, &INPUT, Purpose::Read);
-        if answers {
+        if responses {
             assert_eq!(units.match_response(ID, &TO_INPUT, true, NOW), Ok(()));
             units.proved(ID);
             assert_eq!(units.state(unit(units), NOW), State::Up);
@@ -159,12 +159,12 @@ fn a_proof_that_is_answered_or_not_ends_what_was_noted_of_it() {
 
 #[test]
 fn a_unit_is_out_of_step_when_something_unsolicited_came_and_nothing_is_awaited() {
-    let answers: fn(&mut Units) = |units| {
+    let responses: fn(&mut Units) = |units| {
         units.sent(ID, &ONE, Purpose::Request);
         units.match_response(ID, &[3, 2, 0, 7], true, NOW).unwrap();
         units.answered(ID, TICK, false);
     };
-    for before in [answers, |units| units.error(ID, Event::Unsolicited)] {
+    for before in [responses, |units| units.error(ID, Event::Unsolicited)] {
         let units = &mut new_units();
         before(units);
         assert_eq!(units.state(unit(units), NOW), State::Up);
@@ -345,7 +345,7 @@ fn pauses_between_proofs_grow() {
     units.not_proved(ID, now, 200);
     assert_eq!(unit(units).held_until, now + Duration::from_millis(100), "as at first");
     // It answers all but function 8, or sends only what nobody has asked for.
-    for (answers, grows) in [(true, false), (false, true)] {
+    for (responses, grows) in [(true, false), (false, true)] {
         let units = &mut new_units();
         units.sent_in_part(ID);
         for nth in 0..4 {
@@ -353,10 +353,10 @@ fn pauses_between_proofs_grow() {
             assert!(units.not_proved(ID, NOW, 200));
             let pause = Duration::from_millis(if grows { 100.max(50 << nth) } else { 100 });
             assert_eq!(unit(units).held_until, NOW + pause, "{nth}");
-            if answers {
+            if responses {
                 units.sent(ID, &INPUT, Purpose::Read);
             }
-            assert_eq!(units.match_response(ID, &TO_INPUT, answers, NOW), Err(Event::Late));
+            assert_eq!(units.match_response(ID, &TO_INPUT, responses, NOW), Err(Event::Late));
         }
     }
     for (down_after, proofs) in [(0, None), (1, Some(1)), (3, Some(3))] {
@@ -375,7 +375,7 @@ fn pauses_between_proofs_grow() {
 }
 
 #[test]
-fn something_heard_instead_of_a_proofs_answer_leaves_the_request_its_turn() {
+fn something_heard_instead_of_a_proofs_response_leaves_the_request_its_turn() {
     let units = &mut new_units();
     lost(units, &ONE);
     units.sent(ID, &[8, 0, 0, 1, 1], Purpose::Diagnostic);
@@ -388,7 +388,7 @@ fn something_heard_instead_of_a_proofs_answer_leaves_the_request_its_turn() {
 }
 
 #[test]
-fn late_answers_hold_a_unit_for_a_moment_and_three_of_them_tell_that_it_is_slow() {
+fn late_responses_hold_a_unit_for_a_moment_and_three_of_them_tell_that_it_is_slow() {
     for (took, pause) in [(10, 100), (50, 100), (51, 102), (400, 800)] {
         let units = &mut new_units();
         units.answered(ID, Duration::from_millis(took), false);
@@ -414,7 +414,7 @@ fn late_answers_hold_a_unit_for_a_moment_and_three_of_them_tell_that_it_is_slow(
         lost(units, &WRITE);
         units.match_response(ID, &[3, 2, 0, 7], false, AFTERWARDS).unwrap_err();
         let held = AFTERWARDS + Duration::from_millis(pause);
-        assert_eq!(unit(units).held_until, held, "after an answer in time it is hurried again");
+        assert_eq!(unit(units).held_until, held, "after a response in time it is hurried again");
         units.timed_out(ID, AFTERWARDS, 1);
         assert!(units.is_down(ID), "also while it is held");
     }

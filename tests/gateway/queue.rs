@@ -289,12 +289,12 @@ fn identical_reads_are_served_together() {
         ("b", 3, entry(2, 0)),
         ("asks something else", 4, entry(3, 0)),
         ("asks another unit", 3, other_unit),
-        ("wants its own answer", 3, alone),
+        ("wants its own response", 3, alone),
         ("again a", 3, entry(1, 0)),
     ];
     assert_eq!(served_together(&orders), ["a", "b", "again a"]);
-    let first = [("wants its own answer", 3, alone), ("a", 3, entry(1, 0))];
-    assert_eq!(served_together(&first), ["wants its own answer"]);
+    let first = [("wants its own response", 3, alone), ("a", 3, entry(1, 0))];
+    assert_eq!(served_together(&first), ["wants its own response"]);
 }
 
 #[test]

@@ -10,7 +10,7 @@ use mobgate_simulator::wire::LineEnd;
 use crate::prelude::*;
 
 const FRAMES: u32 = 13_000;
-/// The unit that answers; those from 6 to 9 have a rule, and do not.
+/// The unit that responds; those from 6 to 9 have a rule, and do not.
 const UNIT: u8 = 5;
 /// Longer than the gateway waits for a response, and than a pause that ends a frame.
 const QUIET: Duration = Duration::from_millis(400);
@@ -152,9 +152,9 @@ fn torture(name: &str, envelope: Envelope, open: impl Fn(&Rig<'_>) -> ReplyTo) {
                 }
                 continue;
             }
-            let (request, answer) = read(&mut random);
+            let (request, response) = read(&mut random);
             let request = envelope.frame(transaction, UNIT, &request);
-            let expected = envelope.frame(transaction, UNIT, &answer);
+            let expected = envelope.frame(transaction, UNIT, &response);
             let deadline = Instant::now() + Duration::from_secs(2);
             let mut got = Vec::new();
             // A connection that a frame has ended is found out now.

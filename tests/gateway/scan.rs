@@ -18,7 +18,7 @@ fn others_are_refused_at_once_and_served_again_behind_it_with_the_ports_own_sett
     rig::with_gateway(1, SETTINGS, |world, rig| {
         rig.attach(world, "uart1", [Device::new(5)]);
         let mut client = rig.client(machine(1), 502);
-        let good = Answer::Pdu(vec![3, 2, 5, 7]);
+        let good = Response::Pdu(vec![3, 2, 5, 7]);
         assert_eq!(world.run_until(client.request(5, &READ)), good);
         let scan = world.spawn(typed(rig.gateway, "scan bus 9600 units 1-20"));
         world.run_for(Duration::from_millis(500));
@@ -45,12 +45,12 @@ fn a_key_stops_it_and_a_session_that_is_cut_leaves_the_port_as_it_was() {
         assert!(begun.elapsed() < Duration::from_millis(3_100), "{shown}");
         assert!(shown.contains("1 units found in 3s"), "{shown}");
         world.run_for(Duration::from_millis(10));
-        assert_eq!(world.run_until(client.request(5, &READ)), Answer::Pdu(vec![3, 2, 5, 7]));
+        assert_eq!(world.run_until(client.request(5, &READ)), Response::Pdu(vec![3, 2, 5, 7]));
 
         let cut = select(typed(rig.gateway, "scan bus"), Timer::after_secs(2));
         assert!(matches!(world.run_until(cut), Either::Second(())));
         world.run_for(Duration::from_millis(10));
-        assert_eq!(world.run_until(client.request(5, &READ)), Answer::Pdu(vec![3, 2, 5, 7]));
+        assert_eq!(world.run_until(client.request(5, &READ)), Response::Pdu(vec![3, 2, 5, 7]));
         assert_eq!(rig.frames_in_use(), 0);
     });
 }
@@ -82,7 +82,7 @@ fn a_line_that_is_gone_ends_it() {
         assert!(shown.contains("115200 8E1   not found\n0 units found"), "{shown}");
         rig.end("uart1").replug();
         world.run_for(Duration::from_secs(10));
-        assert_eq!(rig.ask(world, 5, &READ), Answer::Pdu(vec![3, 2, 5, 7]));
+        assert_eq!(rig.ask(world, 5, &READ), Response::Pdu(vec![3, 2, 5, 7]));
     });
 }
 

@@ -26,7 +26,7 @@ fn rts_is_on_from_before_the_first_bit_until_after_the_last() {
     played(&format!("rtu server {rts}"), &format!("rtu client {rts}"), |world, rig| {
         let mut master = rig.master("up");
         for unit in [5, 6, 5] {
-            assert_eq!(world.run_until(master.request(unit, &READ)), Answer::Pdu(vec![3, 2, unit, 7]));
+            assert_eq!(world.run_until(master.request(unit, &READ)), Response::Pdu(vec![3, 2, unit, 7]));
         }
         for line in ["up", "down"] {
             let switched = rig.sent(line).switched;
@@ -45,7 +45,7 @@ fn rts_is_on_from_before_the_first_bit_until_after_the_last() {
 }
 
 #[test]
-fn a_board_that_rests_answers_at_the_same_moments_and_is_woken_less() {
+fn a_board_that_rests_responds_at_the_same_moments_and_is_woken_less() {
     let write = [&[16, 0, 0, 0, 20, 40][..], &[0xab; 40]].concat();
     for (request, most) in [(&READ[..], 4), (&[6, 0, 1, 0xab, 0xcd], 4), (&write, 9)] {
         let [(awake, read), (resting, read_resting)] = [0, 20].map(|rests| {
@@ -59,8 +59,8 @@ fn a_board_that_rests_answers_at_the_same_moments_and_is_woken_less() {
                 rig.attach(world, "down", [Device::new(5)]);
                 world.run_for(Duration::from_secs(1));
                 let mut master = rig.master("up");
-                let answer = world.run_until(master.request(5, request));
-                assert!(matches!(answer, Answer::Pdu(_)), "{asked}: {answer:?}");
+                let response = world.run_until(master.request(5, request));
+                assert!(matches!(response, Response::Pdu(_)), "{asked}: {response:?}");
                 (rig.wire("up").frames(), rig.sent("up").reads)
             })
         });
@@ -85,7 +85,7 @@ fn on_a_shared_bus_nobody_elses_questions_are_answered_and_none_of_ours_is_misse
         let tell = format!("{framing}, reads late by {late_reads}, rests of {rests}: {outcome:?}");
         assert_eq!((outcome.unsolicited, outcome.collisions), (0, 0), "{tell}");
         assert!(outcome.ours > 400 && outcome.spoilt > 80, "{tell}");
-        // Where the silence behind a damaged frame cannot be seen, the next one is lost with it.
+        // Where the silence behind a corrupt frame cannot be seen, the next one is lost with it.
         let share =
             if framing == Framing::Rtu && late_reads + rests > punctual { outcome.ours / 10 } else { 0 };
         assert!(outcome.missed <= share, "{tell}");

@@ -14,7 +14,7 @@ const SETTINGS: &str = "port plc tcp client 10.0.1.1:502 in-flight 2
 
 /// The server carries the write out before it answers the read that it took in before.
 #[test]
-fn an_answer_from_before_a_write_that_was_on_its_way_meanwhile_is_not_kept() {
+fn a_response_from_before_a_write_that_was_on_its_way_meanwhile_is_not_kept() {
     with_gateway(1, SETTINGS, |world, rig| {
         let server = rig.network.serve(address(PLC));
         world.spawn(async move {
@@ -22,13 +22,13 @@ fn an_answer_from_before_a_write_that_was_on_its_way_meanwhile_is_not_kept() {
             let (mut read, mut write) = ([0; REQUEST_BYTES], [0; REQUEST_BYTES]);
             stream.read_exact(&mut read).await.unwrap();
             stream.read_exact(&mut write).await.unwrap();
-            let answer = |request: &[u8], pdu: &[u8]| {
+            let response = |request: &[u8], pdu: &[u8]| {
                 frame(u16::from_be_bytes([request[0], request[1]]), request[6], pdu)
             };
-            stream.write_all(&answer(&write, &WRITE)).await.unwrap();
-            stream.write_all(&answer(&read, &OLD)).await.unwrap();
+            stream.write_all(&response(&write, &WRITE)).await.unwrap();
+            stream.write_all(&response(&read, &OLD)).await.unwrap();
             while stream.read_exact(&mut read).await.is_ok() {
-                stream.write_all(&answer(&read, &NEW)).await.unwrap();
+                stream.write_all(&response(&read, &NEW)).await.unwrap();
             }
         });
         let mut session = asking(world, rig, 1, [(5, READ), (5, WRITE)]);

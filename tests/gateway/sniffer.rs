@@ -10,7 +10,7 @@ const OURS: u8 = 10;
 const OTHER: u8 = 7;
 /// FC 3, two registers from 0.
 const READ: [u8; 5] = [3, 0, 0, 0, 2];
-const ANSWER: [u8; 6] = [3, 4, 1, 2, 3, 4];
+const RESPONSE: [u8; 6] = [3, 4, 1, 2, 3, 4];
 
 fn is_ours(unit: u8) -> bool {
     unit == OURS
@@ -89,10 +89,10 @@ fn ours(pdu: &[u8]) -> Told {
 }
 
 #[test]
-fn requests_for_us_are_found_among_others_and_their_answers() {
+fn requests_for_us_are_found_among_others_and_their_responses() {
     let mut listener = Listener::in_step();
     assert_eq!(listener.frame(&frame(OTHER, &READ)), [Told::ForeignRequest]);
-    assert_eq!(listener.frame(&frame(OTHER, &ANSWER)), [Told::ForeignResponse]);
+    assert_eq!(listener.frame(&frame(OTHER, &RESPONSE)), [Told::ForeignResponse]);
     assert_eq!(listener.frame(&frame(OURS, &READ)), [ours(&READ)]);
     assert_eq!(listener.frame(&frame(OTHER, &READ)), [Told::ForeignRequest]);
     // The other one is silent, and the master goes on.
@@ -100,7 +100,7 @@ fn requests_for_us_are_found_among_others_and_their_answers() {
 }
 
 #[test]
-fn a_foreign_frame_with_two_readings_is_an_answer_after_its_request_and_a_request_otherwise() {
+fn a_foreign_frame_with_two_readings_is_a_response_after_its_request_and_a_request_otherwise() {
     let write = frame(OTHER, &[6, 0, 1, 0, 2]);
     let mut listener = Listener::in_step();
     assert_eq!(listener.frame(&write), [Told::ForeignRequest]);
@@ -119,19 +119,19 @@ fn functions_of_unknown_length_are_ended_by_silence() {
 }
 
 #[test]
-fn an_answer_under_our_id_is_no_request() {
+fn a_response_under_our_id_is_no_request() {
     let mut listener = Listener::in_step();
-    assert_eq!(listener.frame(&frame(OURS, &ANSWER)), [Told::Garbage(LastError::Length)]);
+    assert_eq!(listener.frame(&frame(OURS, &RESPONSE)), [Told::Garbage(LastError::Length)]);
     assert_eq!(listener.frame(&frame(OURS, &[0x83, 2])), [Told::Garbage(LastError::Length)]);
     assert_eq!(listener.frame(&frame(OURS, &READ)), [ours(&READ)]);
 }
 
 #[test]
-fn damaged_frames_are_garbage_and_do_not_disturb_the_next() {
-    let mut damaged = frame(OURS, &READ);
-    damaged[3] ^= 1;
+fn corrupt_frames_are_garbage_and_do_not_disturb_the_next() {
+    let mut corrupt = frame(OURS, &READ);
+    corrupt[3] ^= 1;
     let mut listener = Listener::in_step();
-    assert_eq!(listener.frame(&damaged), [Told::Garbage(LastError::Checksum)]);
+    assert_eq!(listener.frame(&corrupt), [Told::Garbage(LastError::Checksum)]);
     assert_eq!(listener.frame(&frame(OURS, &READ)[..3]), [Told::Garbage(LastError::Length)]);
     let long = [0x55; 300];
     assert_eq!(listener.frame(&long), [Told::Garbage(LastError::Length)]);
@@ -143,7 +143,7 @@ fn damaged_frames_are_garbage_and_do_not_disturb_the_next() {
 
 #[test]
 fn who_is_switched_on_in_mid_traffic_waits_for_silence() {
-    let traffic = [frame(OTHER, &ANSWER), frame(OURS, &READ)].concat();
+    let traffic = [frame(OTHER, &RESPONSE), frame(OURS, &READ)].concat();
     for cut in 1..traffic.len() {
         let mut listener = Listener { sniffer: RtuSniffer::new(), received: Vec::new() };
         assert!(listener.sniffer.needs_silence());
@@ -160,7 +160,7 @@ fn who_is_switched_on_in_mid_traffic_waits_for_silence() {
 fn without_silences_frames_are_parted_by_both_readings() {
     let traffic = [
         (frame(OTHER, &READ), Told::ForeignRequest),
-        (frame(OTHER, &ANSWER), Told::ForeignResponse),
+        (frame(OTHER, &RESPONSE), Told::ForeignResponse),
         (frame(OURS, &READ), ours(&READ)),
         (frame(OTHER, &[16, 0, 0, 0, 1, 2, 9, 9]), Told::ForeignRequest),
         (frame(OTHER, &[16, 0, 0, 0, 1]), Told::ForeignResponse),
@@ -182,25 +182,25 @@ fn without_silences_frames_are_parted_by_both_readings() {
 fn data_that_looks_like_a_request_is_not_one() {
     // The other one's registers hold a whole request for us.
     let inside = frame(OURS, &READ);
-    let answer = frame(OTHER, &[&[3, 8], &inside[..]].concat());
+    let response = frame(OTHER, &[&[3, 8], &inside[..]].concat());
     let request = frame(OTHER, &[3, 0, 0, 0, 4]);
     for size in [1, 5, 200] {
         let mut listener = Listener::in_step();
-        let bytes = [&request[..], &answer].concat();
+        let bytes = [&request[..], &response].concat();
         let told: Vec<Told> = bytes.chunks(size).flat_map(|chunk| listener.bytes(chunk)).collect();
         assert_eq!(told, [Told::ForeignRequest, Told::ForeignResponse], "in pieces of {size}");
     }
     let mut listener = Listener::in_step();
-    assert_eq!(listener.frame(&answer), [Told::ForeignResponse]);
+    assert_eq!(listener.frame(&response), [Told::ForeignResponse]);
     assert_eq!(listener.frame(&request), [Told::ForeignRequest]);
-    assert_eq!(listener.frame(&answer), [Told::ForeignResponse]);
+    assert_eq!(listener.frame(&response), [Told::ForeignResponse]);
 }
 
 #[test]
 fn who_has_lost_the_thread_finds_it_again_without_silence() {
     let mut listener = Listener::in_step();
     let noise: Vec<u8> = (0..300_u16).map(|number| (number * 37) as u8).collect();
-    let exchange = [frame(OTHER, &READ), frame(OTHER, &ANSWER), frame(OURS, &READ)].concat();
+    let exchange = [frame(OTHER, &READ), frame(OTHER, &RESPONSE), frame(OURS, &READ)].concat();
     let mut told = listener.bytes(&noise);
     for _ in 0..20 {
         told.extend(listener.bytes(&exchange));
@@ -228,15 +228,15 @@ fn an_ascii_line_needs_no_silence() {
         }
     };
     let traffic =
-        [ascii::frame(OTHER, &READ), ascii::frame(OTHER, &ANSWER), ascii::frame(OURS, &READ)].concat();
+        [ascii::frame(OTHER, &READ), ascii::frame(OTHER, &RESPONSE), ascii::frame(OURS, &READ)].concat();
     assert_eq!(hear(&traffic), [Told::ForeignRequest, Told::ForeignResponse, ours(&READ)]);
     let lower = ascii::frame(OURS, &[3, 0, 0xab, 0, 1]).to_ascii_lowercase();
     assert_eq!(hear(&lower), [Told::Garbage(LastError::Ascii)]);
-    let mut damaged = ascii::frame(OURS, &READ);
-    damaged[4] = b'7';
-    assert_eq!(hear(&damaged), [Told::Garbage(LastError::Checksum)]);
+    let mut corrupt = ascii::frame(OURS, &READ);
+    corrupt[4] = b'7';
+    assert_eq!(hear(&corrupt), [Told::Garbage(LastError::Checksum)]);
     assert_eq!(hear(b":0A\r\n"), [Told::Garbage(LastError::Length)]);
-    assert_eq!(hear(&ascii::frame(OURS, &ANSWER)), [Told::Garbage(LastError::Length)]);
+    assert_eq!(hear(&ascii::frame(OURS, &RESPONSE)), [Told::Garbage(LastError::Length)]);
     assert_eq!(hear(&ascii::frame(OURS, &READ)), [ours(&READ)]);
 }
 

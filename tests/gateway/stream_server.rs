@@ -36,15 +36,15 @@ fn rtu_requests_in_pieces_or_in_a_row_are_answered_in_order() {
             let mut client = Client::rtu(stream).with_patience(SECOND);
             let requests: Vec<u8> = [READ, WRITE, READ].iter().flat_map(|pdu| rtu::frame(5, pdu)).collect();
             assert!(world.run_until(client.send_bytes(&requests)));
-            assert_eq!(world.run_until(client.answer(0, 5, &READ)), value(5));
-            assert_eq!(world.run_until(client.answer(0, 5, &WRITE)), Answer::Pdu(WRITE.to_vec()));
-            assert_eq!(world.run_until(client.answer(0, 5, &READ)), value(5));
+            assert_eq!(world.run_until(client.response(0, 5, &READ)), value(5));
+            assert_eq!(world.run_until(client.response(0, 5, &WRITE)), Response::Pdu(WRITE.to_vec()));
+            assert_eq!(world.run_until(client.response(0, 5, &READ)), value(5));
         });
     }
 }
 
 #[test]
-fn damaged_rtu_requests_get_no_answer_and_the_next_one_does() {
+fn corrupt_rtu_requests_get_no_response_and_the_next_one_does() {
     with_devices(|world, rig, device| {
         let mut random = Random::new(1);
         let mut client = rtu_client(rig);
@@ -61,8 +61,8 @@ fn damaged_rtu_requests_get_no_answer_and_the_next_one_does() {
             if random.chance(0.5) {
                 world.run_for(150 * MS);
             }
-            let answer = world.run_until(client.request(5, &READ));
-            assert_eq!(answer, value(5), "round {round}, behind {bytes:02x?}");
+            let response = world.run_until(client.request(5, &READ));
+            assert_eq!(response, value(5), "round {round}, behind {bytes:02x?}");
         }
         assert_eq!(device.writes(), []);
         assert!(rig.counted("R", Event::Noise) >= 200);
@@ -70,7 +70,7 @@ fn damaged_rtu_requests_get_no_answer_and_the_next_one_does() {
 }
 
 #[test]
-fn in_bad_weather_a_client_that_asks_again_gets_its_own_answers() {
+fn in_bad_weather_a_client_that_asks_again_gets_its_own_responses() {
     with_devices(|world, rig, _| {
         let latency = (Duration::from_micros(100), 20 * MS);
         rig.network.set_weather(Weather { loss: 0.2, doubling: 0.2, latency });
@@ -86,9 +86,9 @@ fn in_bad_weather_a_client_that_asks_again_gets_its_own_answers() {
                 let until = Instant::now() + 60 * MS;
                 while Instant::now() < until {
                     let left = until.saturating_duration_since(Instant::now());
-                    let Some(answer) = world.run_until(client.receive(left)) else { break };
-                    let id = u16::from_be_bytes([answer[0], answer[1]]);
-                    assert_eq!(answer, frame(id, 5, &[3, 2, 5, questions[&id]]));
+                    let Some(response) = world.run_until(client.receive(left)) else { break };
+                    let id = u16::from_be_bytes([response[0], response[1]]);
+                    assert_eq!(response, frame(id, 5, &[3, 2, 5, questions[&id]]));
                     if id == transaction {
                         answered += 1;
                         break 'tries;

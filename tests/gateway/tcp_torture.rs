@@ -45,7 +45,7 @@ fn live(seed: u64, share: &Share) {
     });
 }
 
-/// By RTU, answers go astray or are late without a bound: a stray one is the late one of another for all that anybody can tell.
+/// By RTU, responses go astray or are late without a bound: a stray one is the late one of another for all that anybody can tell.
 fn draw_fault(random: &mut Random, rtu: bool, strays: bool) -> Fault {
     let late = if rtu && strays { Fault::WrongUnit } else { Fault::draw_late(random) };
     let common = [
@@ -60,7 +60,7 @@ fn draw_fault(random: &mut Random, rtu: bool, strays: bool) -> Fault {
         Fault::Reset,
         Fault::Half,
     ];
-    // MBAP has no checksum: what is damaged there, TCP has let through, and nobody can tell.
+    // MBAP has no checksum: what is corrupt there, TCP has let through, and nobody can tell.
     let only = match rtu {
         true => {
             [Fault::BadCrc, Fault::FlippedBit, Fault::LostByte, Fault::NoiseBefore(3), Fault::NoiseAfter(3)]

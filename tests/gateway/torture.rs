@@ -87,14 +87,14 @@ fn connect_devices<'w>(world: &World<'w>, rig: &Rig<'w>, line: &str, random: &mu
     rig.attach(world, line, devices);
 }
 
-/// One that may happen on a line; answers go astray there, or are late without a bound. A stray one is the late one of another for
+/// One that may happen on a line; responses go astray there, or are late without a bound. A stray one is the late one of another for
 /// all that anybody can tell: of devices that the gateway may rely on, none sends a second response in another's name.
 fn draw_fault(random: &mut Random, strays: bool) -> Fault {
     let pause = Duration::from_micros(random.within(2_000..=20_000));
     let late = if strays { Fault::WrongUnit } else { Fault::draw_late(random) };
     let frames = [Fault::Dead, Fault::Unheard, late, late, late, late];
     let noise = [Fault::NoiseBefore(3), Fault::NoiseAfter(3), Fault::GapInside(pause), Fault::Exception(6)];
-    let faults = [&frames[..], &Fault::DAMAGED, &Fault::MISFITS, &[Fault::WrongEcho], &noise].concat();
+    let faults = [&frames[..], &Fault::CORRUPTING, &Fault::MISFITS, &[Fault::WrongEcho], &noise].concat();
     faults[random.index(faults.len())]
 }
 
@@ -144,10 +144,10 @@ impl Visitor for Asker {
         Request { unit: unit + tag, device: Some(unit).filter(|unit| *unit <= DEVICES), pdu }
     }
 
-    fn check(&self, request: &Request, asked: Instant, answer: &[u8]) {
-        let tell = || format!("host {} asked {request:?} at {asked}: {answer:?}", self.host);
+    fn check(&self, request: &Request, asked: Instant, response: &[u8]) {
+        let tell = || format!("host {} asked {request:?} at {asked}: {response:?}", self.host);
         let routed = (1..=6).contains(&(request.unit % TAG)) && (self.port == 502 || self.host < 16);
-        let code = exception(answer);
+        let code = exception(response);
         if routed && request.device.is_some() {
             self.share.count(code.is_none());
         }
@@ -165,6 +165,6 @@ impl Visitor for Asker {
         }
         let Some(device) = request.device.filter(|_| routed) else { panic!("{}", tell()) };
         let kept = self.port == 503 && request.unit >= TAG;
-        assert_good(&request.pdu, device, (asked, if kept { CACHE_MS } else { 0 }), answer, tell);
+        assert_good(&request.pdu, device, (asked, if kept { CACHE_MS } else { 0 }), response, tell);
     }
 }

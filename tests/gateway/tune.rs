@@ -1,4 +1,4 @@
-//! Time-outs and gaps that are proposed from answers that were measured.
+//! Time-outs and gaps that are proposed from responses that were measured.
 
 use mobgate::stats::response_tail::ResponseTail;
 use mobgate_simulator::console::typed_slowly;
@@ -14,7 +14,7 @@ route P502 * * * bus
 /// Draws a response time in microseconds.
 type Draw = fn(&mut Random) -> f64;
 
-/// How answer times are distributed, and the time in microseconds within which 999 of 1000 are.
+/// How response times are distributed, and the time in microseconds within which 999 of 1000 are.
 const MODELS: [(&str, f64, Draw); 5] = [
     ("constant", 20_000.0, |_| 20_000.0),
     ("uniform", 49_960.0, |random| 10_000.0 + random.within(0..=40_000) as f64),
@@ -43,7 +43,7 @@ fn the_tail_is_told_within_a_fifth_in_nearly_every_series_of_two_thousand() {
 }
 
 #[test]
-fn few_answers_are_enough_for_more_than_was_seen() {
+fn few_responses_are_enough_for_more_than_was_seen() {
     assert_eq!(ResponseTail::new().p999(), None);
     let mut tail = ResponseTail::new();
     tail.add(1_000);
@@ -60,14 +60,14 @@ fn a_time_out_is_proposed_from_what_the_units_do_and_traffic_goes_on() {
         rig.attach(world, "uart1", [slow, Device::new(6)]);
         let mut client = rig.client(machine(1), 502);
         for unit in [5, 6] {
-            assert!(matches!(world.run_until(client.request(unit, &READ)), Answer::Pdu(_)));
+            assert!(matches!(world.run_until(client.request(unit, &READ)), Response::Pdu(_)));
         }
         let tune = world.spawn(typed(rig.gateway, "tune bus count 200"));
         world.run_for(Duration::from_secs(2));
-        assert!(matches!(world.run_until(client.request(5, &READ)), Answer::Pdu(_)), "others are served");
+        assert!(matches!(world.run_until(client.request(5, &READ)), Response::Pdu(_)), "others are served");
         let shown = world.run_until(tune);
-        assert!(shown.contains("unit 5: 200 answers by function 3, 0 lost; "), "{shown}");
-        assert!(shown.contains("unit 6: 200 answers"), "{shown}");
+        assert!(shown.contains("unit 5: 200 responses by function 3, 0 lost; "), "{shown}");
+        assert!(shown.contains("unit 6: 200 responses"), "{shown}");
         // 2.005 ms of silence, 30 ms, a character of 573 us.
         assert!(shown.ends_with("edit port bus timeout 33ms\n"), "{shown}");
         world.run_for(Duration::from_millis(10));
@@ -81,7 +81,10 @@ fn a_key_stops_it_and_then_it_proposes_nothing() {
         rig.attach(world, "uart1", [Device::new(5), Device::new(6)]);
         let keys = [(Duration::from_ticks(0), "tune bus units 5-6\n"), (Duration::from_secs(50), "x")];
         let shown = world.run_until(typed_slowly(rig.gateway, &keys));
-        assert!(shown.contains("unit 5: 2000 answers") && !shown.contains("unit 6: 2000 answers"), "{shown}");
+        assert!(
+            shown.contains("unit 5: 2000 responses") && !shown.contains("unit 6: 2000 responses"),
+            "{shown}"
+        );
         assert!(shown.contains("stopped") && !shown.contains("edit port"), "{shown}");
     });
 }

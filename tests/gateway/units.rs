@@ -50,7 +50,7 @@ fn a_silent_unit_is_down_and_probed_at_growing_intervals() {
 }
 
 #[test]
-fn one_answer_makes_a_unit_well_again() {
+fn one_response_makes_a_unit_well_again() {
     for sign_of_life in [
         |units: &mut Units| units.answered(5, WINDOW, true),
         |units: &mut Units| units.corrupt(5, Event::BadCheck),
@@ -72,7 +72,7 @@ fn one_answer_makes_a_unit_well_again() {
 fn a_unit_that_is_down_is_probed_soon_when_something_late_comes_and_again_when_it_has_answered_since() {
     let mut units = new_units();
     let requests: [&[u8]; 3] = [&[3, 0, 0, 0, 1], &[4, 0, 0, 0, 1], &[1, 0, 0, 0, 1]];
-    let answers: [&[u8]; 3] = [&[3, 2, 0, 7], &[4, 2, 0, 7], &[1, 1, 0]];
+    let responses: [&[u8]; 3] = [&[3, 2, 0, 7], &[4, 2, 0, 7], &[1, 1, 0]];
     for round in 1..=3 {
         let now = Instant::from_secs(100 * round);
         for request in requests {
@@ -81,15 +81,15 @@ fn a_unit_that_is_down_is_probed_soon_when_something_late_comes_and_again_when_i
         }
         assert_eq!(units.gate(5, now), Gate::Down);
         let late = now + Duration::from_millis(10);
-        assert_eq!(units.match_response(5, answers[0], false, late), Err(Event::Late));
+        assert_eq!(units.match_response(5, responses[0], false, late), Err(Event::Late));
         let soon = late + Duration::from_millis(100);
         assert_eq!(units.gate(5, soon - Duration::from_ticks(1)), Gate::Down, "more may be on its way");
         assert_eq!(units.gate(5, soon), Gate::Open(Ready::Now), "round {round}");
-        for answer in &answers[1..] {
-            assert_eq!(units.match_response(5, answer, false, soon), Err(Event::Late));
+        for response in &responses[1..] {
+            assert_eq!(units.match_response(5, response, false, soon), Err(Event::Late));
         }
         units.sent(5, requests[0], Purpose::Request);
-        assert_eq!(units.match_response(5, answers[0], true, soon), Ok(()));
+        assert_eq!(units.match_response(5, responses[0], true, soon), Ok(()));
         units.answered(5, Duration::from_millis(10), false);
         assert_eq!(units.gate(5, soon), Gate::Open(Ready::Now));
     }
@@ -134,13 +134,13 @@ fn it_is_counted_how_a_unit_does() {
     units.error(5, Event::Response);
     let counted = |units: &Units| {
         let unit = units.iter().find(|unit| unit.id == 5).unwrap();
-        let troubles: Vec<_> = unit.errors().collect();
-        ([unit.requests, unit.responses, unit.exceptions, unit.timeouts, unit.took_us], unit.silent, troubles)
+        let errors: Vec<_> = unit.errors().collect();
+        ([unit.requests, unit.responses, unit.exceptions, unit.timeouts, unit.took_us], unit.silent, errors)
     };
-    let troubles = vec![(Event::Silent, 1), (Event::Noise, 1)];
-    assert_eq!(counted(&units), ([8, 2, 1, 3, 4000], 3, troubles));
+    let errors = vec![(Event::Silent, 1), (Event::Noise, 1)];
+    assert_eq!(counted(&units), ([8, 2, 1, 3, 4000], 3, errors));
     let unit = units.iter().next().unwrap();
-    assert_eq!([Event::Silent, Event::Noise, Event::Late].map(|trouble| unit.error(trouble)), [1, 1, 0]);
+    assert_eq!([Event::Silent, Event::Noise, Event::Late].map(|error| unit.error(error)), [1, 1, 0]);
     assert!(units.is_down(5));
     units.clear_counters();
     assert_eq!(counted(&units), ([0; 5], 3, vec![]));
@@ -172,10 +172,10 @@ fn a_unit_is_down_after_just_so_many_time_outs_in_a_row() {
 }
 
 #[test]
-fn a_unit_that_gave_a_joined_read_no_answer_is_asked_for_less_at_a_time_for_a_minute() {
+fn a_unit_that_gave_a_joined_read_no_response_is_asked_for_less_at_a_time_for_a_minute() {
     let now = Instant::from_secs(1);
     let minute = Duration::from_secs(60);
-    for trouble in [
+    for error in [
         |units: &mut Units, now| units.refused_combined(5, now),
         |units: &mut Units, now| _ = units.timed_out(5, now, DOWN_AFTER),
     ] {
@@ -183,7 +183,7 @@ fn a_unit_that_gave_a_joined_read_no_answer_is_asked_for_less_at_a_time_for_a_mi
         assert!(units.combines(5, now));
         units.asked(5);
         assert!(units.combines(5, now));
-        trouble(&mut units, now);
+        error(&mut units, now);
         assert!(!units.combines(5, now + minute - Duration::from_ticks(1)));
         assert!(units.combines(5, now + minute));
         assert!(units.combines(6, now));
@@ -213,7 +213,7 @@ fn the_quietest_healthy_unit_makes_room() {
 }
 
 #[test]
-fn when_there_are_more_units_than_places_the_ones_in_trouble_are_remembered() {
+fn when_there_are_more_units_than_places_the_ones_with_errors_are_remembered() {
     let mut units = new_units();
     for _ in 0..DOWN_AFTER {
         time_out(&mut units, 200, Instant::from_secs(1));

@@ -1,4 +1,4 @@
-//! New firmware at the console, over lines that lose and damage blocks.
+//! New firmware at the console, over lines that lose and corrupt blocks.
 
 use std::convert::Infallible;
 
@@ -73,7 +73,10 @@ fn a_file_is_taken_its_version_is_shown_and_the_gateway_starts_again() {
         let file = image(5000);
         at_console(1, TERMINAL, (&mut firmware.clone(), &board), async |mut sender| {
             let begun = begin(&mut sender).await;
-            assert!(begun.ends_with("update\r\n"), "nothing that a sender may take for an answer: {begun:?}");
+            assert!(
+                begun.ends_with("update\r\n"),
+                "nothing that a sender may take for a response: {begun:?}"
+            );
             assert_eq!(sender.send(&file, long, with_length).await, Ok(()));
             let shown = sender.read_for(3 * SECOND).await;
             assert!(
@@ -91,13 +94,13 @@ fn a_file_is_taken_its_version_is_shown_and_the_gateway_starts_again() {
 }
 
 #[test]
-fn lost_cut_and_damaged_blocks_and_answers_make_it_slower_and_nothing_else() {
+fn lost_cut_and_corrupt_blocks_and_responses_make_it_slower_and_nothing_else() {
     each_seed(30, |seed| {
         let mut random = Random::new(seed);
         let (firmware, board) = (Firmware::default(), Board::default());
         let file = image(random.index(20_000));
         let long = random.chance(0.7);
-        let weather = Weather { damaged: 0.1, lost: 0.05, cut: 0.05, deaf: 0.05 };
+        let weather = Weather { corrupt: 0.1, lost: 0.05, cut: 0.05, deaf: 0.05 };
         at_console(seed, TERMINAL, (&mut firmware.clone(), &board), async |mut sender| {
             begin(&mut sender).await;
             sender.weather = weather;

@@ -15,7 +15,7 @@ pub(crate) const FRESH: u16 = 100;
 #[derive(Debug)]
 pub(crate) struct Request {
     pub(crate) unit: u8,
-    /// Who is to answer; none if there is none.
+    /// Who is to respond; none if there is none.
     pub(crate) device: Option<u8>,
     pub(crate) pdu: Vec<u8>,
 }
@@ -37,8 +37,8 @@ pub(crate) trait Visitor: Sized {
         panic!("the gateway closed the connection");
     }
 
-    /// Sees to it that `answer` is one that `request` may get.
-    fn check(&self, request: &Request, asked: Instant, answer: &[u8]);
+    /// Sees to it that `response` is one that `request` may get.
+    fn check(&self, request: &Request, asked: Instant, response: &[u8]);
 
     async fn visit(mut self, mut client: Client) {
         let (bursts, chance, most) = self.bursts();
@@ -58,7 +58,7 @@ pub(crate) trait Visitor: Sized {
                 let reply = match client.receive().await {
                     Ok(reply) => reply,
                     Err(NoResponse::Closed) => return self.closed(),
-                    Err(NoResponse::Silence) => panic!("no answer to {open:?}"),
+                    Err(NoResponse::Silence) => panic!("no response to {open:?}"),
                 };
                 let asked = open.remove(&reply.transaction);
                 let (request, at) = asked.unwrap_or_else(|| panic!("nobody asked for {reply:?}"));
@@ -70,24 +70,24 @@ pub(crate) trait Visitor: Sized {
 }
 
 /// The code of an exception.
-pub(crate) fn exception(answer: &[u8]) -> Option<u8> {
-    match *answer {
+pub(crate) fn exception(response: &[u8]) -> Option<u8> {
+    match *response {
         [function, code] if function & 0x80 != 0 => Some(code),
         _ => None,
     }
 }
 
-/// Sees to it that `answer` is the good one of `device` to `request`, read when that was `asked` or up to `age_ms` before.
+/// Sees to it that `response` is the good one of `device` to `request`, read when that was `asked` or up to `age_ms` before.
 pub(crate) fn assert_good(
     request: &[u8],
     device: u8,
     (asked, age_ms): (Instant, u64),
-    answer: &[u8],
+    response: &[u8],
     tell: impl Fn() -> String,
 ) {
     match *request {
         [3, 0, 100, 0, 4] => {
-            let fresh = Fresh::from_response(answer).unwrap_or_else(|| panic!("{}", tell()));
+            let fresh = Fresh::from_response(response).unwrap_or_else(|| panic!("{}", tell()));
             assert!(u64::from(fresh.at_us) + 1_000 * age_ms >= asked.as_micros(), "stale: {}", tell());
         }
         [function @ (3 | 4), 0, address, 0, count] => {
@@ -95,13 +95,13 @@ pub(crate) fn assert_good(
             let mask = if function == 4 { 0xff } else { 0 };
             let values = (address..).take(count.into()).flat_map(|address| [device ^ mask, address ^ mask]);
             let expected: Vec<u8> = [function, 2 * count].into_iter().chain(values).collect();
-            assert_eq!(*answer, expected, "{}", tell());
+            assert_eq!(*response, expected, "{}", tell());
         }
-        _ => assert_eq!(answer, &request[..5], "{}", tell()),
+        _ => assert_eq!(response, &request[..5], "{}", tell()),
     }
 }
 
-/// The unit that a client asks, and the device that is to answer; none if there is none.
+/// The unit that a client asks, and the device that is to respond; none if there is none.
 pub(crate) type Target = (u8, Option<u8>);
 
 /// What the clients of a world with TCP devices do.
@@ -219,9 +219,9 @@ impl<T: Fn(&mut Random) -> Target> Visitor for Asker<T> {
         Request { unit, device, pdu }
     }
 
-    fn check(&self, request: &Request, asked: Instant, answer: &[u8]) {
-        let tell = || format!("host {} asked {request:02x?} at {asked}: {answer:02x?}", self.host);
-        let code = exception(answer);
+    fn check(&self, request: &Request, asked: Instant, response: &[u8]) {
+        let tell = || format!("host {} asked {request:02x?} at {asked}: {response:02x?}", self.host);
+        let code = exception(response);
         if request.device.is_some() {
             self.share.count(code.is_none());
         }
@@ -229,6 +229,6 @@ impl<T: Fn(&mut Random) -> Target> Visitor for Asker<T> {
             return assert!(self.visits.exceptions.contains(&code), "{}", tell());
         }
         let Some(device) = request.device else { panic!("{}", tell()) };
-        assert_good(&request.pdu, device, (asked, 0), answer, tell);
+        assert_good(&request.pdu, device, (asked, 0), response, tell);
     }
 }

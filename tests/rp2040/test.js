@@ -23,7 +23,7 @@ test('TCP to RTU on four lines: no transaction wrong, and each frame driven with
   for (const [nth, device] of bench.devices.entries()) {
     assert.deepEqual(device.bad, [], `frames of uart${nth + 1}`);
     assert.equal(device.requests, TRANSACTIONS / 4, `requests on uart${nth + 1}`);
-    // Two bits; the device's answer comes after 3.5 characters.
+    // Two bits; the device's response comes after 3.5 characters.
     assert.ok(bench.lines[nth].longestHold < 2.1 * bench.lines[nth].bit, `driver of uart${nth + 1}`);
   }
   assert.deepEqual(bench.board.restarts, []);

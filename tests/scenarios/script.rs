@@ -4,9 +4,9 @@ use std::ops::RangeInclusive;
 
 use crate::words::duration;
 
-/// The sentences of `steps`, each with its line. Answers to questions that are asked side by side come behind all of them.
+/// The sentences of `steps`, each with its line. Responses to questions that are asked side by side come behind all of them.
 pub(crate) fn sentences(steps: &str) -> Vec<(&str, String)> {
-    let (mut sentences, mut answers) = (Vec::new(), Vec::new());
+    let (mut sentences, mut responses) = (Vec::new(), Vec::new());
     for line in steps.lines().map(str::trim).filter(|line| !line.is_empty() && !line.starts_with('#')) {
         let sentence = match beside(line) {
             Some((pause, sentence)) => {
@@ -14,23 +14,23 @@ pub(crate) fn sentences(steps: &str) -> Vec<(&str, String)> {
                 sentence
             }
             None => {
-                sentences.append(&mut answers);
+                sentences.append(&mut responses);
                 line
             }
         };
         match exchange(sentence) {
-            Some((question, answer)) => {
+            Some((question, response)) => {
                 sentences.push((line, question.to_owned()));
-                answers.push((line, answer));
+                responses.push((line, response));
             }
             None => sentences.push((line, sentence.to_owned())),
         }
     }
-    sentences.append(&mut answers);
+    sentences.append(&mut responses);
     sentences
 }
 
-/// What happens before the answers to the lines above: `and ...`, `5ms later ...`.
+/// What happens before the responses to the lines above: `and ...`, `5ms later ...`.
 fn beside(line: &str) -> Option<(Option<&str>, &str)> {
     let (time, rest) = line.split_once(' ')?;
     match rest.strip_prefix("later ") {
@@ -41,9 +41,9 @@ fn beside(line: &str) -> Option<(Option<&str>, &str)> {
 
 /// `scada asks ... -> ...` as a question and what its client gets.
 pub(crate) fn exchange(sentence: &str) -> Option<(&str, String)> {
-    let (question, answer) = sentence.split_once(" -> ")?;
+    let (question, response) = sentence.split_once(" -> ")?;
     let (client, _) = question.split_once(' ')?;
-    (!question.contains(" times: ")).then(|| (question, format!("{client} gets {answer}")))
+    (!question.contains(" times: ")).then(|| (question, format!("{client} gets {response}")))
 }
 
 /// The lines that `for n in 1-3 5: ... {n} ...; ...` stands for; every other line is itself.

@@ -95,18 +95,18 @@ fn measure(
     for _ in 0..TRANSACTIONS {
         // At any moment, later than t3.5 after the last transaction on every line.
         let pause = Duration::from_micros(random.within(20_000..=50_000));
-        let answer = world.run_until(async {
+        let response = world.run_until(async {
             Timer::after(pause).await;
             master.request(UNIT, &read(registers)).await
         });
-        assert!(matches!(answer, Answer::Pdu(_)), "{answer:?}");
+        assert!(matches!(response, Response::Pdu(_)), "{response:?}");
     }
     let seconds = |from_ns: u64, to_ns: u64| (to_ns - from_ns) as f64 / 1e9;
     let device = line.device();
     let (asked, answered) = (rig.wire(first).frames(), rig.wire(last).frames());
     let pairs = asked.chunks_exact(2).zip(answered.chunks_exact(2));
-    let took = pairs.map(|(requester, answerer)| {
-        let late = seconds(answerer[0].end_ns, answerer[1].start_ns) - device;
+    let took = pairs.map(|(requester, responder)| {
+        let late = seconds(responder[0].end_ns, responder[1].start_ns) - device;
         seconds(requester[0].start_ns, requester[1].end_ns) - late
     });
     took.fold(0.0, f64::max)

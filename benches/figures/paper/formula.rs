@@ -103,8 +103,8 @@ fn leg(bytes: f64, input: Line, output: Line) -> f64 {
 pub(super) fn cut_through(up: Line, down: Line, registers: u8) -> f64 {
     let there = leg(REQUEST_BYTES, up, down);
     let back = down.device() + leg(response_bytes(registers), down, up);
-    let [request, answer] = up.chars(registers).map(|chars| chars * up.tc());
-    (there + back).max(ticked(request) + ticked(up.t3_5()) + answer)
+    let [request, response] = up.chars(registers).map(|chars| chars * up.tc());
+    (there + back).max(ticked(request) + ticked(up.t3_5()) + response)
 }
 
 /// The formula of routers that wait for the silence behind every RTU frame, as MobGate does.

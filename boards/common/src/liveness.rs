@@ -1,7 +1,7 @@
 //! Checks that every task still makes progress; the watchdog is fed only then.
 //!
-//! An idle task may wait for days, so each task is woken now and then, and being polled counts as its answer. A task that does not
-//! answer is stuck behind one that never returns, has ended, or was never started. Drop or finish a task's `watch` only when the
+//! An idle task may wait for days, so each task is woken now and then, and being polled counts as its response. A task that does not
+//! respond is stuck behind one that never returns, has ended, or was never started. Drop or finish a task's `watch` only when the
 //! task has ended.
 
 use core::future::{Future, poll_fn};
@@ -38,14 +38,14 @@ impl<const N: usize> Liveness<N> {
             }
             let output = future.as_mut().poll(context);
             if let Some(watched) = watched {
-                // After the poll: a poll that never returns is no answer, nor is the last one of a task that ends.
+                // After the poll: a poll that never returns is no response, nor is the last one of a task that ends.
                 watched.answered.store(output.is_pending(), Ordering::Relaxed);
             }
             output
         })
     }
 
-    /// Wakes every task; the answers are complete once each has been polled.
+    /// Wakes every task; the responses are complete once each has been polled.
     pub fn ask(&self) {
         for watched in &self.0 {
             watched.answered.store(false, Ordering::Relaxed);
@@ -72,7 +72,7 @@ mod tests {
     }
 
     #[test]
-    fn tasks_that_only_wait_answer_each_time_they_are_polled() {
+    fn tasks_that_only_wait_respond_each_time_they_are_polled() {
         let tasks = Liveness::<2>::new();
         let (first, second) = (pin!(pending::<()>()), pin!(pending::<()>()));
         let (mut one, mut two) = (pin!(tasks.watch(0, first)), pin!(tasks.watch(1, second)));

@@ -52,7 +52,7 @@ pub fn gateway() -> &'static Gateway<'static> {
     })
 }
 
-/// The tasks that must answer for the watchdog to be fed.
+/// The tasks that must respond for the watchdog to be fed.
 pub static LIVENESS: Liveness<{ Task::Port as usize + PORTS + CONNECTIONS }> = Liveness::new();
 
 /// Task numbers. The ports and then the connections follow the first port.

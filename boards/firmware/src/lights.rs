@@ -7,7 +7,7 @@ pub trait Lights: Lamps {
     /// Switches all of them.
     fn all(&mut self, on: bool);
 
-    /// Shows that every task answers, whether the network `has_address`, and whether a port `is_lost` or failed to open; what
+    /// Shows that every task responds, whether the network `has_address`, and whether a port `is_lost` or failed to open; what
     /// EtherCAT uses is left to it.
     fn show(&mut self, has_address: bool, is_lost: bool, ethercat: bool);
 }

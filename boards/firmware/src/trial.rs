@@ -20,7 +20,7 @@ use crate::system::Board;
 /// What has not proved itself by then goes back.
 const TRIAL_MAX: Duration = Duration::from_secs(60);
 /// How often in a row every task must have answered: for five seconds.
-const ANSWERS: u32 = 10;
+const RESPONSES: u32 = 10;
 /// How often the trial looks.
 const PERIOD: Duration = Duration::from_millis(500);
 
@@ -34,7 +34,7 @@ pub fn found_network() {
 }
 
 /// Whether every task has answered in time.
-pub(crate) fn note_answers(all: bool) {
+pub(crate) fn note_responses(all: bool) {
     // Only the watchdog's loop writes it.
     let before = if all { ANSWERED.load(Ordering::Relaxed) } else { 0 };
     ANSWERED.store(before.saturating_add(all.into()), Ordering::Relaxed);
@@ -134,8 +134,8 @@ async fn prove(board: &Board) -> Result<(), &'static str> {
             "the settings were not taken over"
         } else if !HAS_NETWORK.load(Ordering::Relaxed) {
             "the network's hardware was not found"
-        } else if ANSWERED.load(Ordering::Relaxed) < ANSWERS {
-            "a task did not answer"
+        } else if ANSWERED.load(Ordering::Relaxed) < RESPONSES {
+            "a task did not respond"
         } else {
             return Ok(());
         };

@@ -1,4 +1,4 @@
-//! Feeds the watchdog as long as every task answers.
+//! Feeds the watchdog as long as every task responds.
 
 use embassy_time::Duration;
 use mobgate::gateway::{Gateway, Status};
@@ -8,10 +8,10 @@ use crate::lights::Lights;
 use crate::sockets::Network;
 use crate::trial;
 
-/// Time limit for the tasks' answers.
+/// Time limit for the tasks' responses.
 const PERIOD: Duration = Duration::from_millis(500);
 
-/// Polls the tasks, calls `feed` while all answer, and shows it on the lights. Records the first silent task.
+/// Polls the tasks, calls `feed` while all respond, and shows it on the lights. Records the first silent task.
 pub async fn watch(mut feed: impl FnMut(), lights: &mut impl Lights, network: Network) -> ! {
     let mut noted = false;
     loop {
@@ -25,7 +25,7 @@ pub async fn watch(mut feed: impl FnMut(), lights: &mut impl Lights, network: Ne
             false
         };
         let silent = LIVENESS.silent();
-        trial::note_answers(silent.is_none());
+        trial::note_responses(silent.is_none());
         match silent {
             None => {
                 feed();

@@ -211,7 +211,7 @@ impl<F: NorFlash> FlashStore<F> {
         let map = self.map.as_mut().ok_or(StoreError::Failed)?;
         let found = map.fetch_item::<&[u8]>(&mut self.buffer, &HEAD_KEY).await.map_err(reason)?;
         let Some(bytes) = found else { return Ok(None) };
-        let head = Head::from_bytes(bytes).ok_or(StoreError::Damaged)?;
+        let head = Head::from_bytes(bytes).ok_or(StoreError::Corrupt)?;
         self.check(&head).await?;
         Ok(Some(head))
     }
@@ -222,16 +222,16 @@ impl<F: NorFlash> FlashStore<F> {
         let mut digest = CRC.digest();
         for number in 0..length.div_ceil(PIECE_BYTES) {
             let bytes = PIECE_BYTES.min(length - number * PIECE_BYTES);
-            digest.update(self.piece(head.copy, number).await?.get(..bytes).ok_or(StoreError::Damaged)?);
+            digest.update(self.piece(head.copy, number).await?.get(..bytes).ok_or(StoreError::Corrupt)?);
         }
-        if digest.finalize() == head.crc { Ok(()) } else { Err(StoreError::Damaged) }
+        if digest.finalize() == head.crc { Ok(()) } else { Err(StoreError::Corrupt) }
     }
 
     /// A piece of a copy. The last one may be longer than the rest of its text.
     async fn piece(&mut self, copy: u8, number: usize) -> Result<&[u8], StoreError> {
         let map = self.map.as_mut().ok_or(StoreError::Failed)?;
         let found = map.fetch_item::<&[u8]>(&mut self.buffer, &key(copy, number)).await;
-        found.map_err(reason)?.ok_or(StoreError::Damaged)
+        found.map_err(reason)?.ok_or(StoreError::Corrupt)
     }
 
     /// The head of the text that is valid, if there is one.
@@ -246,7 +246,7 @@ impl<F: NorFlash> FlashStore<F> {
             return Ok(0);
         }
         let piece = self.piece(head.copy, offset / PIECE_BYTES).await?;
-        let there = piece.get(offset % PIECE_BYTES..).ok_or(StoreError::Damaged)?;
+        let there = piece.get(offset % PIECE_BYTES..).ok_or(StoreError::Corrupt)?;
         let count = there.len().min(left).min(into.len());
         into.iter_mut().zip(there).take(count).for_each(|(to, &from)| *to = from);
         Ok(count)
@@ -254,8 +254,8 @@ impl<F: NorFlash> FlashStore<F> {
 
     /// Starts a version in the copy that is not valid.
     async fn begin(&mut self) -> Result<Next, StoreError> {
-        if self.head == Err(StoreError::Damaged) {
-            // Nothing is readable, so nothing is lost, and damaged items might be in the way.
+        if self.head == Err(StoreError::Corrupt) {
+            // Nothing is readable, so nothing is lost, and corrupt items might be in the way.
             self.erase().await?;
             (self.head, self.has_trial) = (Ok(None), false);
             self.versions = Versions::new();
@@ -384,7 +384,7 @@ const fn key(copy: u8, number: usize) -> u16 {
 
 fn reason<E>(error: Error<E>) -> StoreError {
     match error {
-        Error::Corrupted { .. } => StoreError::Damaged,
+        Error::Corrupted { .. } => StoreError::Corrupt,
         _ => StoreError::Failed,
     }
 }

@@ -82,18 +82,18 @@ fn a_secret_is_made_once_and_survives_any_number_of_saves() {
 }
 
 #[test]
-fn what_is_damaged_is_said_to_be_and_can_be_saved_over() {
+fn what_is_corrupt_is_said_to_be_and_can_be_saved_over() {
     let flash = Flash::new(2, 4);
     save(&mut open(&flash), b"port P1\n").unwrap();
     // Zeros may be written anywhere: over the first piece, behind the marks, the map's own word and the item's header.
     block_on(flash.clone().write(4 * 32, &[0; 32])).unwrap();
     let mut store = open(&flash);
-    assert_eq!(read(&mut store), Err(StoreError::Damaged));
+    assert_eq!(read(&mut store), Err(StoreError::Corrupt));
     save(&mut store, b"port P2\n").unwrap();
     assert_eq!(read(&mut store).unwrap(), b"port P2\n");
 }
 
-/// With short words, so that a part of what the map writes can be damaged alone.
+/// With short words, so that a part of what the map writes can be corrupted alone.
 type FineFlash = SimFlash<4, { 8 * 1024 }>;
 
 /// Where `bytes` stand in the flash.
@@ -104,7 +104,7 @@ fn place_of(flash: &FineFlash, bytes: &[u8]) -> u32 {
 }
 
 #[test]
-fn settings_that_are_partly_of_an_older_save_are_damaged_and_no_settings() {
+fn settings_that_are_partly_of_an_older_save_are_corrupt_and_no_settings() {
     let flash = FineFlash::new(2, 5);
     let mut store = open(&flash);
     for text in ["port P1 rtu\n", "port P2 rtu\n", "port P3 rtu\n"] {
@@ -117,7 +117,7 @@ fn settings_that_are_partly_of_an_older_save_are_damaged_and_no_settings() {
     let check = (text - size_of::<u16>() as u32 - 2 * 4) & !3;
     block_on(flash.clone().write(check, &[0; 4])).unwrap();
     let mut store = open(&flash);
-    assert_eq!(read(&mut store), Err(StoreError::Damaged));
+    assert_eq!(read(&mut store), Err(StoreError::Corrupt));
 }
 
 /// A flash with a fault.
@@ -211,14 +211,14 @@ fn a_save_that_does_not_read_back_has_failed_and_the_old_settings_hold() {
 }
 
 #[test]
-fn whatever_word_is_damaged_the_settings_are_whole_or_said_to_be_damaged_and_then_can_be_saved_over() {
+fn whatever_word_is_corrupt_the_settings_are_whole_or_said_to_be_corrupt_and_then_can_be_saved_over() {
     let flash = FineFlash::new(2, 7);
     let mut store = open(&flash);
     save(&mut store, b"port P1 rtu\n").unwrap();
     save(&mut store, b"port P2 rtu\n").unwrap();
     let mut all = vec![0; flash.capacity()];
     block_on(flash.clone().read(0, &mut all)).unwrap();
-    let mut damaged = 0;
+    let mut corrupt = 0;
     for word in (0..flash.capacity()).step_by(4).filter(|&word| all[word..word + 4] != [0xff; 4]) {
         let flash = flash.copy(word as u64);
         block_on(flash.clone().write(word as u32, &[0; 4])).unwrap();
@@ -228,13 +228,13 @@ fn whatever_word_is_damaged_the_settings_are_whole_or_said_to_be_damaged_and_the
             assert!(whole.contains(&&*text), "word {word:#x}: {}", text.escape_ascii());
             continue;
         }
-        damaged += 1;
-        assert_eq!(read(&mut store), Err(StoreError::Damaged), "word {word:#x}");
+        corrupt += 1;
+        assert_eq!(read(&mut store), Err(StoreError::Corrupt), "word {word:#x}");
         save(&mut store, b"port P3 rtu\n").unwrap_or_else(|error| panic!("word {word:#x}: {error:?}"));
         let mut store = open(&flash);
         assert_eq!(read(&mut store).unwrap(), b"port P3 rtu\n", "word {word:#x}");
     }
-    assert!(damaged > 3, "{damaged}");
+    assert!(corrupt > 3, "{corrupt}");
 }
 
 #[test]

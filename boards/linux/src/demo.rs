@@ -270,12 +270,12 @@ fn invitation(listen: &TcpListen) -> String {
     };
     let port = listen.port;
     let mut text =
-        format!("Simulated devices answer on Modbus TCP port {port}. Try from another terminal:\n");
+        format!("Simulated devices respond on Modbus TCP port {port}. Try from another terminal:\n");
     for (meaning, options, value) in [
         ("a meter's V, A, W, Hz and kWh, float32", "-a 1 -t 3:float -B -r 1 -c 5 -1", ""),
         ("eight relays", "-a 2 -t 0 -r 1 -c 8 -1", ""),
         ("switch the first one on", "-a 2 -t 0 -r 1", " 1"),
-        ("a device that takes 300 ms to answer", "-a 3 -t 4 -r 1 -c 2 -1", ""),
+        ("a device that takes 300 ms to respond", "-a 3 -t 4 -r 1 -c 2 -1", ""),
     ] {
         let command = format!("mbpoll -m tcp -p {port} {options} {host}{value}");
         // Writing to a String cannot fail.

@@ -2,7 +2,7 @@
 //!
 //! The path of a frame: epoll, [`reactor`](crate::reactor), `pass_frames`, through the controller, and back out of the interface.
 //! Its effects wake the SubDevice, which accesses the controller directly. To the SubDevice a missing or lost interface is a chip
-//! that does not answer: it retries until it does.
+//! that does not respond: it retries until it does.
 
 use std::cell::Cell;
 use std::io::{self, ErrorKind};

@@ -126,7 +126,7 @@ mod tests {
     #[test]
     fn a_wake_from_another_thread_reaches_a_task() {
         #[embassy_executor::task]
-        async fn answer(into: Rc<Cell<u32>>) {
+        async fn respond(into: Rc<Cell<u32>>) {
             let there = crate::worker::once(|| {
                 std::thread::sleep(Duration::from_millis(5)); // the executor is asleep by then
                 7
@@ -134,7 +134,7 @@ mod tests {
             into.set(there.await.unwrap());
         }
         let into = Rc::new(Cell::new(0));
-        run(|spawner| spawner.spawn(answer(into.clone()).unwrap()), async {
+        run(|spawner| spawner.spawn(respond(into.clone()).unwrap()), async {
             while into.get() == 0 {
                 embassy_time::Timer::after_millis(1).await;
             }

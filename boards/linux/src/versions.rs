@@ -1,6 +1,6 @@
 //! The last saved texts with author and time, in one file beside that of the settings.
 //!
-//! Each text has a header line with its length and a checksum, so that a damaged version is skipped without affecting others. The file
+//! Each text has a header line with its length and a checksum, so that a corrupt version is skipped without affecting others. The file
 //! is replaced as a whole, like that of the settings.
 
 use std::collections::HashMap;
@@ -40,18 +40,18 @@ pub(crate) struct Version {
 pub(crate) struct Versions(Vec<Version>);
 
 impl Versions {
-    /// Those of the settings in the file at `settings`. What is damaged is named in the log, and skipped.
+    /// Those of the settings in the file at `settings`. What is corrupt is named in the log, and skipped.
     pub(crate) fn read(settings: &Path) -> Self {
         let path = place(settings);
-        let (versions, is_damaged) = match file::read_up_to(&path, FILE_BYTES_MAX, TOO_LONG) {
+        let (versions, is_corrupt) = match file::read_up_to(&path, FILE_BYTES_MAX, TOO_LONG) {
             Ok(text) => Self::parse(&text.unwrap_or_default()),
             Err(reason) => {
                 log::warn!("{}: {reason}; no version of the settings is known", path.display());
                 return Self::default();
             }
         };
-        if is_damaged {
-            log::warn!("{}: it is damaged; the versions that are not are there", path.display());
+        if is_corrupt {
+            log::warn!("{}: it is corrupt; the versions that are not are there", path.display());
         }
         versions
     }
@@ -92,7 +92,7 @@ impl Versions {
 
     /// The versions in `file`, and whether there is something else.
     fn parse(file: &[u8]) -> (Self, bool) {
-        let (mut rest, mut versions, mut is_damaged) = (file, Vec::new(), false);
+        let (mut rest, mut versions, mut is_corrupt) = (file, Vec::new(), false);
         while !rest.is_empty() {
             match Version::parse(rest) {
                 Some((version, behind)) => {
@@ -100,14 +100,14 @@ impl Versions {
                     rest = behind;
                 }
                 None => {
-                    is_damaged = true;
+                    is_corrupt = true;
                     let next = rest.windows(HEAD.len()).skip(1).position(|at| at == HEAD.as_bytes());
                     rest = next.map_or(b"", |next| &rest[next + 1..]);
                 }
             }
         }
         versions.truncate(VERSIONS_MAX);
-        (Self(versions), is_damaged)
+        (Self(versions), is_corrupt)
     }
 }
 
@@ -205,7 +205,7 @@ mod tests {
     }
 
     #[test]
-    fn a_damaged_byte_costs_one_version_at_most() {
+    fn a_corrupt_byte_costs_one_version_at_most() {
         let (_folder, path) = saved(3);
         let whole = Versions::read(&path);
         let file = fs::read(place(&path)).unwrap();
@@ -213,8 +213,8 @@ mod tests {
             for flip in [1, 0x80, file[at] ^ b'\n'] {
                 let mut file = file.clone();
                 file[at] ^= flip;
-                let (versions, is_damaged) = Versions::parse(&file);
-                assert!(flip == 0 || is_damaged, "byte {at}");
+                let (versions, is_corrupt) = Versions::parse(&file);
+                assert!(flip == 0 || is_corrupt, "byte {at}");
                 assert!(versions.0.len() >= 2, "byte {at}: {versions:?}");
                 assert!(versions.0.iter().all(|version| whole.0.contains(version)), "byte {at}");
             }

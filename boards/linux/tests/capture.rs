@@ -16,18 +16,18 @@ fn frames_are_written_as_they_come_and_decoded_without_settings() {
     let options = ["--listen", "127.0.0.1:{port}", "--socket", "off", "--capture", "{folder}/demo.pcapng"];
     let program = Program::with("", &options);
     let file = program.file("demo.pcapng");
-    let answer = ask(&mut program.connect(), 1, &[3, 0, 0, 0, 2]);
-    assert_eq!(answer[..2], [3, 4]);
-    wait_for("the answer in the file", || fs::read(&file).ok().filter(|written| is_whole(written)));
+    let response = ask(&mut program.connect(), 1, &[3, 0, 0, 0, 2]);
+    assert_eq!(response[..2], [3, 4]);
+    wait_for("the response in the file", || fs::read(&file).ok().filter(|written| is_whole(written)));
     assert_eq!(decoded(&file), WHOLE);
 }
 
 /// A transaction by TCP and on the line.
-const WHOLE: &str = "mbtcp\t3\trequests\nmbrtu\t3\trequests\nmbrtu\t3\tanswers\nmbtcp\t3\tanswers\n";
+const WHOLE: &str = "mbtcp\t3\trequests\nmbrtu\t3\trequests\nmbrtu\t3\tresponses\nmbtcp\t3\tresponses\n";
 
 /// Whether the transaction's last frame has been written.
 fn is_whole(written: &[u8]) -> bool {
-    written.windows(7).filter(|part| part == b"answers").count() == 2
+    written.windows(9).filter(|part| part == b"responses").count() == 2
 }
 
 /// Protocol, function and verdict of the frames that tshark finds in `file`.
@@ -58,7 +58,7 @@ fn the_console_begins_and_ends_a_file_and_writes_over_none() {
     wait_for("the beginning of the file", || fs::read(&file).ok().filter(|written| !written.is_empty()));
     let mut client = program.connect();
     ask(&mut client, 1, &[3, 0, 0, 0, 2]);
-    wait_for("the answer in the file", || fs::read(&file).ok().filter(|written| is_whole(written)));
+    wait_for("the response in the file", || fs::read(&file).ok().filter(|written| is_whole(written)));
     converse(&mut console, "capture off\nshow version\n", "mobgate ");
     ask(&mut client, 1, &[3, 0, 0, 0, 2]);
     assert_eq!(decoded(&file), WHOLE, "the second transaction is not in there");

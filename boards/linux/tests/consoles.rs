@@ -112,9 +112,13 @@ fn what_a_browser_sends_to_the_tcp_console_is_not_carried_out() {
     for (bytes, logged) in [(post.as_bytes(), "this is HTTP"), (&tls, "this is TLS"), (&telnet, "telnet")] {
         let mut stream = tcp_session(console);
         stream.write_all(bytes).unwrap();
-        let mut answer = Vec::new();
-        stream.read_to_end(&mut answer).unwrap();
-        assert_eq!(String::from_utf8_lossy(&answer), "user: ", "nothing more is said, and the session ends");
+        let mut response = Vec::new();
+        stream.read_to_end(&mut response).unwrap();
+        assert_eq!(
+            String::from_utf8_lossy(&response),
+            "user: ",
+            "nothing more is said, and the session ends"
+        );
         program.logs(logged);
     }
     converse(&mut tcp_session(console), "anna\nlet me in\nshow routes\n", "readonly");

@@ -118,7 +118,7 @@ fn pysoem_reads_and_writes_devices_by_process_data_and_saves() {
 #[test]
 fn pysoem_exchanges_images_that_a_controller_of_4_kib_would_not_hold() {
     in_own_network("pysoem_exchanges_images_that_a_controller_of_4_kib_would_not_hold", || {
-        // Between meter and relays, whom nobody answers for: 600 bytes each way.
+        // Between meter and relays, whom nobody responds for: 600 bytes each way.
         let silent = "slave 1 unit 9 holding 0 count 300 read 1h\nslave 2 ";
         let program = Program::with(&METER_AND_RELAYS.replace("slave 1 ", silent), &DEMO);
         let script = start_master("linux.py", &["long".to_owned()]).wait().unwrap();

@@ -122,15 +122,15 @@ fn bytes_pass_both_ways_and_a_fin_reads_as_the_end() {
         client.write_all(b"ask").unwrap();
         let mut text = [0; 8];
         assert_eq!(stream.read(&mut text).await.unwrap(), 3);
-        stream.write_all(b"answer").await.unwrap();
-        assert_eq!(client.read(&mut text).unwrap(), 6);
+        stream.write_all(b"response").await.unwrap();
+        assert_eq!(client.read(&mut text).unwrap(), 8);
         client.shutdown(std::net::Shutdown::Write).unwrap();
         assert_eq!(stream.read(&mut text).await.unwrap(), 0);
     });
 }
 
 #[test]
-fn closing_lets_the_last_answer_arrive_though_requests_are_unread() {
+fn closing_lets_the_last_response_arrive_though_requests_are_unread() {
     served(async |mut client, mut stream| {
         client.write_all(&[0; 4096]).unwrap();
         stream.write_all(b"last").await.unwrap();

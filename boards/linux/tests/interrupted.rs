@@ -106,7 +106,7 @@ struct Device {
 }
 
 impl Device {
-    /// Answers until the test ends.
+    /// Responds until the test ends.
     fn start() -> Self {
         let (mut outside, inside) = SerialPort::pair().unwrap();
         let name = rustix::termios::ttyname(&inside, Vec::new()).unwrap().into_string().unwrap();
@@ -118,10 +118,10 @@ impl Device {
                     continue; // nobody's
                 }
                 let (first, count) = (u16::from_be_bytes([request[2], request[3]]), request[5]);
-                let mut answer = vec![3, 2 * count];
-                answer.extend((first..first + u16::from(count)).flat_map(u16::to_be_bytes));
+                let mut response = vec![3, 2 * count];
+                response.extend((first..first + u16::from(count)).flat_map(u16::to_be_bytes));
                 thread::sleep(Duration::from_millis(3)); // as a device takes
-                if outside.write_all(&frame(1, &answer)).is_err() {
+                if outside.write_all(&frame(1, &response)).is_err() {
                     return;
                 }
             }
@@ -133,7 +133,7 @@ impl Device {
 /// What a client has got.
 #[derive(Default)]
 struct Got {
-    answers: u32,
+    responses: u32,
     refusals: u32,
 }
 
@@ -145,7 +145,7 @@ fn read_on(mut client: TcpStream, nth: u16, over: &AtomicBool) -> Got {
         address = 0x1000 * nth + (address + 1) % 0x1000;
         let [high, low] = address.to_be_bytes();
         match ask(&mut client, 1, &[3, high, low, 0, 1])[..] {
-            [3, 2, a, b] if [a, b] == [high, low] => got.answers += 1,
+            [3, 2, a, b] if [a, b] == [high, low] => got.responses += 1,
             [0x83, 0x0b] => got.refusals += 1,
             ref other => panic!("{other:02x?} to a read of {address:#06x}"),
         }
@@ -154,7 +154,7 @@ fn read_on(mut client: TcpStream, nth: u16, over: &AtomicBool) -> Got {
 }
 
 #[test]
-fn a_program_that_was_stopped_for_5_seconds_gives_no_wrong_answer_and_goes_on() {
+fn a_program_that_was_stopped_for_5_seconds_gives_no_wrong_response_and_goes_on() {
     let device = Device::start();
     let program = Program::configured(&format!(
         "port P1 serial {} rtu client 115200 timeout 300ms\nport P502 tcp server {{port}}\nroute P502 * * * P1\n",
@@ -174,16 +174,16 @@ fn a_program_that_was_stopped_for_5_seconds_gives_no_wrong_answer_and_goes_on() 
         program.signal(Signal::CONT);
         // Whoever connects now is served, and so are the others.
         let mut late = program.connect();
-        wait_for("an answer", || (ask(&mut late, 1, &[3, 0, 7, 0, 2]) == [3, 4, 0, 7, 0, 8]).then_some(()));
+        wait_for("a response", || (ask(&mut late, 1, &[3, 0, 7, 0, 2]) == [3, 4, 0, 7, 0, 8]).then_some(()));
         thread::sleep(Duration::from_secs(2)); // clients are busy again
         over.store(true, Ordering::Relaxed);
         running.into_iter().map(|client| client.join().unwrap()).collect()
     });
-    let (answers, refusals) = got.iter().fold((0, 0), |(a, r), got| (a + got.answers, r + got.refusals));
-    println!("stopped for 5 s: {answers} answers, {refusals} exceptions 0B, none wrong");
+    let (responses, refusals) = got.iter().fold((0, 0), |(a, r), got| (a + got.responses, r + got.refusals));
+    println!("stopped for 5 s: {responses} responses, {refusals} exceptions 0B, none wrong");
     // A request of each was open, and those that came then waited for the unit to be in step again.
-    assert!(answers > 50 && refusals < answers / 4, "{answers} answers, {refusals} refusals");
-    assert!(got.iter().all(|got| got.answers > 10));
+    assert!(responses > 50 && refusals < responses / 4, "{responses} responses, {refusals} refusals");
+    assert!(got.iter().all(|got| got.responses > 10));
 }
 
 /// A library that is loaded before the C library, in which the wall clock jumps two days to and fro every second.

@@ -14,10 +14,10 @@ use common::{Program, ask, converse, wait_for};
 mod common;
 
 const READ: [u8; 5] = [3, 0, 0, 0, 1];
-const ANSWER: [u8; 4] = [3, 2, 0xab, 0xcd];
-/// Unit 1's request and answer with their CRC.
-const ANSWER_RTU: [u8; 7] = [1, 3, 2, 0xab, 0xcd, 0x06, 0xe1];
-const NO_ANSWER: [u8; 2] = [0x83, 0x0b];
+const RESPONSE: [u8; 4] = [3, 2, 0xab, 0xcd];
+/// Unit 1's request and response with their CRC.
+const RESPONSE_RTU: [u8; 7] = [1, 3, 2, 0xab, 0xcd, 0x06, 0xe1];
+const NO_RESPONSE: [u8; 2] = [0x83, 0x0b];
 const NO_PATH: [u8; 2] = [0x83, 0x0a];
 
 /// A device behind the link `name`: answers every request until its end of the PTY is dropped.
@@ -36,20 +36,20 @@ impl Adapter {
         Self { _inside: inside, outside }
     }
 
-    /// Answers as many requests.
+    /// Responds as many requests.
     fn answering(mut self, requests: usize) -> JoinHandle<Self> {
         thread::spawn(move || {
-            (0..requests).for_each(|_| self.answer());
+            (0..requests).for_each(|_| self.respond());
             self
         })
     }
 
     /// Answers one request.
-    fn answer(&mut self) {
+    fn respond(&mut self) {
         let mut request = [0; 8];
         self.outside.set_read_timeout(common::PATIENCE).unwrap();
         self.outside.read_exact(&mut request).unwrap();
-        self.outside.write_all(&ANSWER_RTU).unwrap();
+        self.outside.write_all(&RESPONSE_RTU).unwrap();
     }
 }
 
@@ -77,7 +77,7 @@ fn a_device_that_does_not_exist_is_reported_and_found_when_it_comes() {
     let adapter = Adapter::plug(&name);
     program.logs("is open");
     let responding = adapter.answering(1);
-    assert_eq!(ask(&mut client, 1, &READ), ANSWER);
+    assert_eq!(ask(&mut client, 1, &READ), RESPONSE);
     drop(responding.join().unwrap());
 }
 
@@ -95,7 +95,7 @@ fn an_unplugged_adapter_is_opened_again_when_it_is_back() {
     let adapter = Adapter::plug(&name);
     wait_for("the line again", || (program.log().matches("is open").count() == 2).then_some(()));
     let responding = adapter.answering(1);
-    assert_eq!(ask(&mut program.connect(), 1, &READ), ANSWER);
+    assert_eq!(ask(&mut program.connect(), 1, &READ), RESPONSE);
     drop(responding.join().unwrap());
 }
 
@@ -119,15 +119,15 @@ fn a_line_that_babbles_stops_nobody_else() {
             let _ = babbler.outside.write(&[0x55; 4096]);
         }
     });
-    let answers = adapter.answering(20);
+    let responses = adapter.answering(20);
     let mut client = program.connect();
     for _ in 0..20 {
-        assert_eq!(ask(&mut client, 1, &READ), ANSWER);
+        assert_eq!(ask(&mut client, 1, &READ), RESPONSE);
     }
-    assert_eq!(ask(&mut client, 2, &READ), NO_ANSWER, "the request's life is over");
+    assert_eq!(ask(&mut client, 2, &READ), NO_RESPONSE, "the request's life is over");
     end.store(true, Ordering::Relaxed);
     babble.join().unwrap();
-    drop(answers.join().unwrap());
+    drop(responses.join().unwrap());
 }
 
 /// A PTY has no speed, so the unit is found at the first one.
@@ -150,7 +150,7 @@ fn a_scan_finds_a_unit_and_leaves_the_port_as_it_was() {
             if let Ok(count) = adapter.outside.read(&mut heard)
                 && heard[..count].ends_with(&REQUEST)
             {
-                adapter.outside.write_all(&ANSWER_RTU).unwrap();
+                adapter.outside.write_all(&RESPONSE_RTU).unwrap();
             }
         }
     });
@@ -161,7 +161,7 @@ fn a_scan_finds_a_unit_and_leaves_the_port_as_it_was() {
     assert!(said.contains("edit port P1 9600 8E1     # units 1"), "{said}");
     // The line is opened once more, with its own settings.
     let mut client = program.connect();
-    wait_for("the port's own traffic", || (ask(&mut client, 1, &READ) == ANSWER).then_some(()));
+    wait_for("the port's own traffic", || (ask(&mut client, 1, &READ) == RESPONSE).then_some(()));
     end.store(true, Ordering::Relaxed);
     device.join().unwrap();
 }
@@ -178,7 +178,7 @@ fn a_line_open_in_another_program_is_said_to_be_in_use() {
 
 #[test]
 fn a_master_behind_an_adapter_is_answered_in_both_framings() {
-    // Unit 7's loop-back test, whose answer is the request.
+    // Unit 7's loop-back test, whose response is the request.
     let frames: [(&str, &[u8]); 2] =
         [("rtu", &[7, 8, 0, 0, 0xa5, 0x37, 0xda, 0xeb]), ("ascii", b":07080000A53715\r\n")];
     for (framing, frame) in frames {
@@ -192,14 +192,14 @@ fn a_master_behind_an_adapter_is_answered_in_both_framings() {
         program.logs("is open");
         adapter.outside.set_read_timeout(Duration::from_secs(2)).unwrap();
         let mut answered = 0;
-        wait_for("three answers", || {
+        wait_for("three responses", || {
             // A repeat that comes as fast as an echo would be taken for one.
             thread::sleep(Duration::from_millis(50));
             adapter.outside.write_all(frame).unwrap();
-            let mut answer = vec![0; frame.len()];
+            let mut response = vec![0; frame.len()];
             // Who is switched on hears a silence first: what comes before is no frame, and a busy machine sees silences late.
-            if adapter.outside.read_exact(&mut answer).is_ok() {
-                assert_eq!(answer, frame, "{framing}");
+            if adapter.outside.read_exact(&mut response).is_ok() {
+                assert_eq!(response, frame, "{framing}");
                 answered += 1;
             }
             (answered == 3).then_some(())
@@ -219,7 +219,7 @@ fn a_response_at_the_pace_of_a_slow_wire_is_heard_and_one_that_stops_half_way_is
     let program = Program::configured(&settings(&name, words));
     program.logs("is open");
     let device = thread::spawn(move || {
-        for part in [&ANSWER_RTU[..], &ANSWER_RTU[..4], &ANSWER_RTU[..]] {
+        for part in [&RESPONSE_RTU[..], &RESPONSE_RTU[..4], &RESPONSE_RTU[..]] {
             adapter.outside.set_read_timeout(common::PATIENCE).unwrap();
             adapter.outside.read_exact(&mut [0; 8]).unwrap();
             thread::sleep(10 * CHARACTER); // the request's time on the wire, and the silence behind it
@@ -231,10 +231,10 @@ fn a_response_at_the_pace_of_a_slow_wire_is_heard_and_one_that_stops_half_way_is
         adapter
     });
     let mut client = program.connect();
-    assert_eq!(ask(&mut client, 1, &READ), ANSWER);
+    assert_eq!(ask(&mut client, 1, &READ), RESPONSE);
     let asked = Instant::now();
-    assert_eq!(ask(&mut client, 1, &READ), NO_ANSWER);
+    assert_eq!(ask(&mut client, 1, &READ), NO_RESPONSE);
     assert!(asked.elapsed() < Duration::from_secs(4), "the silence tells, not the time-out");
-    assert_eq!(ask(&mut client, 1, &READ), ANSWER);
+    assert_eq!(ask(&mut client, 1, &READ), RESPONSE);
     drop(device.join().unwrap());
 }

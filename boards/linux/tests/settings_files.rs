@@ -55,13 +55,13 @@ fn refusal_of(text: &str) -> String {
 /// Types `line` and gives the response up to its end.
 fn type_line(console: &mut (impl Read + Write), line: &str) -> String {
     console.write_all(format!("{line}\n").as_bytes()).unwrap();
-    let mut answer = Vec::new();
-    while !answer.ends_with(b"\n") {
+    let mut response = Vec::new();
+    while !response.ends_with(b"\n") {
         let mut byte = [0];
         console.read_exact(&mut byte).unwrap_or_else(|error| panic!("{error} after {line}"));
-        answer.push(byte[0]);
+        response.push(byte[0]);
     }
-    String::from_utf8(answer).unwrap()
+    String::from_utf8(response).unwrap()
 }
 
 /// Makes a named pipe.
@@ -335,7 +335,7 @@ fn a_limit_of_the_system_is_named_and_does_not_end_the_program() {
 }
 
 #[test]
-fn saved_versions_outlive_a_start_and_come_back_even_where_one_is_damaged() {
+fn saved_versions_outlive_a_start_and_come_back_even_where_one_is_corrupt() {
     let folder = tempfile::tempdir().unwrap();
     let config = folder.path().join("mobgate.conf");
     let first = "# by hand\nport P1 serial /dev/ttyS77 rtu client 19200 8E1\n";
@@ -359,9 +359,9 @@ fn saved_versions_outlive_a_start_and_come_back_even_where_one_is_damaged() {
     assert_eq!((rows[1][0], &rows[1][2..]), ("0", &["+1", "-1", "local", "console"][..]));
     assert_eq!((rows[3][0], &rows[3][2..]), ("2", &["+2", "-0", "system"][..]));
     let path = folder.path().join("mobgate.conf.versions");
-    let damaged = fs::read_to_string(&path).unwrap().replacen("4800", "4801", 1);
-    fs::write(&path, damaged).unwrap();
-    // The last one is damaged, so the one before it has its number.
+    let corrupt = fs::read_to_string(&path).unwrap().replacen("4800", "4801", 1);
+    fs::write(&path, corrupt).unwrap();
+    // The last one is corrupt, so the one before it has its number.
     let said = lines("rollback 1\ncommit\n", 2);
     assert_eq!(said, ["version 1 is the candidate: see `diff`, then `commit`", "in force and saved"]);
     assert_eq!(fs::read_to_string(&config).unwrap(), first);

@@ -122,7 +122,7 @@ fn an_interactive_session_edits_completes_and_is_as_wide_as_the_terminal() {
     terminal.type_in("", "mobgate> ");
     terminal.type_in("show rou\t\r", "NO SOURCE          UNITS   IP                 TAG  DESTINATION");
     terminal.resize(80);
-    // The client is told by a signal, which no answer follows.
+    // The client is told by a signal, which no response follows.
     wait_for("the new width", || {
         let said = terminal.type_in("show routes\r", "mobgate> ");
         said.contains("NO SOURCE UNITS IP TAG DESTINATION KIND POLICY\r\n").then_some(())

@@ -48,7 +48,7 @@ fn a_client_that_never_reads_stops_nobody_else() {
     let program = Program::configured("port P502 tcp server {port}\nroute P502 1 * * local\n");
     let mut rude = program.connect();
     rude.set_nonblocking(true).unwrap();
-    // The gateway's own unit answers at once, with more bytes than it was asked by.
+    // The gateway's own unit responds at once, with more bytes than it was asked by.
     let requests = [0, 1, 0, 0, 0, 5, 1, 0x2b, 0x0e, 1, 0].repeat(1_000);
     let (mut sent, mut moved) = (0, Instant::now());
     // Until the program stops reading because its responses are not taken.
@@ -82,7 +82,7 @@ fn half_a_frame_waits_and_a_bad_length_closes_the_connection() {
         assert_eq!(bad.read(&mut [0; 16]).unwrap_or(0), 0, "length {length} was answered");
     }
     half.write_all(&[6, 1, 4, 0, 0, 0, 1]).unwrap();
-    let mut answer = [0; 11];
-    half.read_exact(&mut answer).unwrap();
-    assert_eq!(answer[..9], [0, 1, 0, 0, 0, 5, 1, 4, 2]);
+    let mut response = [0; 11];
+    half.read_exact(&mut response).unwrap();
+    assert_eq!(response[..9], [0, 1, 0, 0, 0, 5, 1, 4, 2]);
 }

@@ -26,11 +26,11 @@ fn serve(mut stream: TcpStream) {
     stream.set_nodelay(true).unwrap();
     let mut request = [0; 12];
     while stream.read_exact(&mut request).is_ok() {
-        let answer = [&request[..4], &[0, 5, request[6], 3, 2, 0, request[6]]].concat();
+        let response = [&request[..4], &[0, 5, request[6], 3, 2, 0, request[6]]].concat();
         // In two segments.
-        stream.write_all(&answer[..8]).unwrap();
+        stream.write_all(&response[..8]).unwrap();
         thread::sleep(Duration::from_millis(2)); // so that they are not sent as one
-        stream.write_all(&answer[8..]).unwrap();
+        stream.write_all(&response[8..]).unwrap();
     }
 }
 
@@ -61,8 +61,8 @@ fn a_connection_that_breaks_is_made_again_and_leaves_no_descriptor() {
             let mut request = [0; 12];
             // One response, then silence and the end behind the next request.
             if stream.read_exact(&mut request).is_ok() {
-                let answer = [&request[..4], &[0, 5, request[6], 3, 2, 0, request[6]]].concat();
-                stream.write_all(&answer).unwrap();
+                let response = [&request[..4], &[0, 5, request[6], 3, 2, 0, request[6]]].concat();
+                stream.write_all(&response).unwrap();
                 let _ = stream.read_exact(&mut request);
             }
         }
@@ -98,9 +98,9 @@ fn sixteen_requests_are_open_at_a_server_at_a_time() {
         client.write_all(&[&[0, unit, 0, 0, 0, 6, unit], &READ[..]].concat()).unwrap();
     }
     for unit in (1..=16).rev() {
-        let mut answer = [0; 11];
-        client.read_exact(&mut answer).unwrap();
-        assert_eq!(answer, [0, unit, 0, 0, 0, 5, unit, 3, 2, 0, unit]);
+        let mut response = [0; 11];
+        client.read_exact(&mut response).unwrap();
+        assert_eq!(response, [0, unit, 0, 0, 0, 5, unit, 3, 2, 0, unit]);
     }
 }
 
@@ -119,9 +119,9 @@ fn a_datagram_is_answered_to_whoever_sent_it() {
         }
         for (unit, client) in (1..).zip(&clients) {
             client.set_read_timeout(Some(PATIENCE)).unwrap();
-            let mut answer = [0; 300];
-            let (length, from) = client.recv_from(&mut answer).unwrap();
-            assert_eq!(answer[..length], [round, 1, 0, 0, 0, 5, unit, 3, 2, 0, unit]);
+            let mut response = [0; 300];
+            let (length, from) = client.recv_from(&mut response).unwrap();
+            assert_eq!(response[..length], [round, 1, 0, 0, 0, 5, unit, 3, 2, 0, unit]);
             assert_eq!(from.port(), udp);
         }
     }
@@ -131,9 +131,9 @@ fn a_datagram_is_answered_to_whoever_sent_it() {
     drop(gone);
     let [client, ..] = clients;
     client.send_to(&[0, 2, 0, 0, 0, 6, 250, 3, 0, 0, 0, 1], ("127.0.0.1", udp)).unwrap();
-    let mut answer = [0; 300];
-    let (length, _) = client.recv_from(&mut answer).unwrap();
-    assert_eq!(answer[..length], [0, 2, 0, 0, 0, 3, 250, 0x83, 0x0a], "no rule");
+    let mut response = [0; 300];
+    let (length, _) = client.recv_from(&mut response).unwrap();
+    assert_eq!(response[..length], [0, 2, 0, 0, 0, 3, 250, 0x83, 0x0a], "no rule");
     drop(program);
 }
 
@@ -180,10 +180,10 @@ fn one_port_asks_many_servers_by_address_and_by_name_on_few_sockets() {
         let descriptors = program.descriptors();
         assert!(descriptors <= before + 8, "{descriptors} descriptors, {before} at the start");
     }
-    let mut answer = [0; 9];
+    let mut response = [0; 9];
     other.set_read_timeout(Some(PATIENCE)).unwrap();
-    other.read_exact(&mut answer).unwrap();
-    assert_eq!(answer[7..], [0x83, 0x0a]);
+    other.read_exact(&mut response).unwrap();
+    assert_eq!(response[7..], [0x83, 0x0a]);
     program.logs("no connection to nobody.invalid:502");
 }
 
@@ -191,8 +191,8 @@ fn one_port_asks_many_servers_by_address_and_by_name_on_few_sockets() {
 fn serve_as(mut stream: TcpStream, server: u8) {
     let mut request = [0; 12];
     while stream.read_exact(&mut request).is_ok() {
-        let answer = [&request[..4], &[0, 5, request[6], 3, 2, server, request[6]]].concat();
-        stream.write_all(&answer).unwrap();
+        let response = [&request[..4], &[0, 5, request[6], 3, 2, server, request[6]]].concat();
+        stream.write_all(&response).unwrap();
     }
 }
 

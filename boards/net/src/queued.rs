@@ -32,12 +32,12 @@ impl<D: Driver> Driver for Queued<D> {
     fn receive(&mut self, context: &mut Context<'_>) -> Option<(Self::RxToken<'_>, Self::TxToken<'_>)> {
         let Self { driver, backlog } = self;
         if !backlog.is_empty() && backlog.has_next(context) {
-            // As in drivers: nothing is received without room for the answer.
-            let answer = driver.transmit(context)?;
-            return Some((Received { from: Source::Backlog, backlog }, answer));
+            // As in drivers: nothing is received without room for the response.
+            let response = driver.transmit(context)?;
+            return Some((Received { from: Source::Backlog, backlog }, response));
         }
-        let (received, answer) = driver.receive(context)?;
-        Some((Received { from: Source::Driver(received), backlog }, answer))
+        let (received, response) = driver.receive(context)?;
+        Some((Received { from: Source::Driver(received), backlog }, response))
     }
 
     fn transmit(&mut self, context: &mut Context<'_>) -> Option<Self::TxToken<'_>> {

@@ -20,10 +20,10 @@ use crate::connector::address_of;
 const PERIOD: Duration = Duration::from_secs(1_024);
 /// The first pause after a failure; it doubles (RFC 4330, 10: 15 s at least).
 const RETRY_FIRST: Duration = Duration::from_secs(16);
-const ANSWER_MAX: Duration = Duration::from_secs(5);
+const RESPONSE_MAX: Duration = Duration::from_secs(5);
 /// Bytes of a message (RFC 4330, 4).
 const MESSAGE_BYTES: usize = 48;
-/// What the own clock begins with, in seconds since 1970: 2026, so that an answer is of this era (RFC 4330, 3).
+/// What the own clock begins with, in seconds since 1970: 2026, so that a response is of this era (RFC 4330, 3).
 const EPOCH: u64 = 1_767_225_600;
 
 /// Asks the server in the settings of `gateway`, if there is one; never returns.
@@ -40,7 +40,7 @@ async fn follow(gateway: &Gateway<'_>, stack: Stack<'static>, server: &ServerAdd
     let mut retry = RETRY_FIRST;
     loop {
         join(stack.wait_link_up(), stack.wait_config_up()).await;
-        let told = with_timeout(ANSWER_MAX, ask(stack, server)).await;
+        let told = with_timeout(RESPONSE_MAX, ask(stack, server)).await;
         let told = told.unwrap_or(Err(OpenError::new(OpenErrorKind::TimedOut, "")));
         let pause = if told.is_ok() { PERIOD } else { retry };
         retry = if told.is_ok() { RETRY_FIRST } else { (retry * 2).min(PERIOD) };
@@ -53,15 +53,15 @@ async fn follow(gateway: &Gateway<'_>, stack: Stack<'static>, server: &ServerAdd
 async fn ask(stack: Stack<'static>, server: &ServerAddress) -> Result<(Date, Instant), OpenError> {
     let to = SocketAddr::new(IpAddr::V4(address_of(stack, server).await?), server.port);
     let (mut received, mut sent) = ([PacketMetadata::EMPTY; 1], [PacketMetadata::EMPTY; 1]);
-    let (mut answer, mut question) = ([0; MESSAGE_BYTES], [0; MESSAGE_BYTES]);
-    let mut socket = UdpSocket::new(stack, &mut received, &mut answer, &mut sent, &mut question);
+    let (mut response, mut question) = ([0; MESSAGE_BYTES], [0; MESSAGE_BYTES]);
+    let mut socket = UdpSocket::new(stack, &mut received, &mut response, &mut sent, &mut question);
     let failed = |hint| OpenError::new(OpenErrorKind::Failed, hint);
     socket.bind(0).map_err(|_| failed(""))?;
     let told = get_time(to, &Socket(socket), NtpContext::new(Uptime(Instant::MIN))).await;
     let offset = told.map(|told| told.offset()).map_err(|error| match error {
         Error::KissOfDeath(_) => OpenError::new(OpenErrorKind::Refused, "the server wants fewer questions"),
         Error::UnsynchronizedClock => failed("the server does not know the time"),
-        _ => failed("that was no answer of an NTP server"),
+        _ => failed("that was no response of an NTP server"),
     })?;
     let now = Instant::now();
     let own = EPOCH * 1_000_000 + now.as_micros();

@@ -1,4 +1,4 @@
-//! Data points, and EtherCAT once a LAN9252 answers, with its RUN and ERR lights on the board's two LEDs.
+//! Data points, and EtherCAT once a LAN9252 responds, with its RUN and ERR lights on the board's two LEDs.
 
 mod pipes;
 mod spi;

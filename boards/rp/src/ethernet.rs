@@ -171,7 +171,7 @@ async fn read<const N: usize>(chip: &mut Selected, register: &[u8; 3]) -> [u8; N
     value
 }
 
-/// Waits until a W5500 answers.
+/// Waits until a W5500 responds.
 async fn wait_for(chip: &mut Selected) {
     while read(chip, &VERSION).await != [VERSION_W5500] {
         Timer::after(INTERVAL).await;

@@ -109,7 +109,7 @@ impl Channel {
 }
 
 /// The response to a message.
-enum Answer {
+enum Response {
     None,
     Opened(u32),
     NotOpened { theirs: u32, reason: u32 },
@@ -120,15 +120,15 @@ enum Answer {
 
 impl Channel {
     /// Handles a message.
-    fn take(&mut self, number: u8, mut fields: Reader<'_>, terminal: &Terminal) -> Result<Answer, Error> {
+    fn take(&mut self, number: u8, mut fields: Reader<'_>, terminal: &Terminal) -> Result<Response, Error> {
         match number {
             GLOBAL_REQUEST => {
                 fields.string()?;
-                return Ok(if fields.flag()? { Answer::Global } else { Answer::None });
+                return Ok(if fields.flag()? { Response::Global } else { Response::None });
             }
             OPEN => return self.open(fields),
             WINDOW_ADJUST..=REQUEST => self.is(&mut fields)?,
-            _ => return Ok(Answer::Unimplemented),
+            _ => return Ok(Response::Unimplemented),
         }
         match number {
             WINDOW_ADJUST => {
@@ -149,13 +149,13 @@ impl Channel {
             CLOSE => self.closed = true,
             _ => return self.request(fields, terminal),
         }
-        Ok(Answer::None)
+        Ok(Response::None)
     }
 
-    fn open(&mut self, mut fields: Reader<'_>) -> Result<Answer, Error> {
+    fn open(&mut self, mut fields: Reader<'_>) -> Result<Response, Error> {
         let kind = fields.string()?;
         let theirs = fields.number()?;
-        let refused = |reason| Ok(Answer::NotOpened { theirs, reason });
+        let refused = |reason| Ok(Response::NotOpened { theirs, reason });
         if kind != b"session" {
             return refused(UNKNOWN_CHANNEL_TYPE);
         }
@@ -164,11 +164,11 @@ impl Channel {
         }
         (self.window, self.longest) = (fields.number()?, fields.number()?);
         (self.theirs, self.open_window) = (Some(theirs), WINDOW_BYTES);
-        Ok(Answer::Opened(theirs))
+        Ok(Response::Opened(theirs))
     }
 
-    fn request(&mut self, mut fields: Reader<'_>, terminal: &Terminal) -> Result<Answer, Error> {
-        let (what, wants_answer) = (fields.string()?, fields.flag()?);
+    fn request(&mut self, mut fields: Reader<'_>, terminal: &Terminal) -> Result<Response, Error> {
+        let (what, wants_response) = (fields.string()?, fields.flag()?);
         let done = match what {
             b"pty-req" if self.kind.is_none() => {
                 fields.string()?;
@@ -186,7 +186,7 @@ impl Channel {
             b"exec" if self.kind.is_none() => self.run(fields.string()?, terminal),
             _ => false,
         };
-        Ok(if wants_answer { Answer::Request(done) } else { Answer::None })
+        Ok(if wants_response { Response::Request(done) } else { Response::None })
     }
 
     /// Runs a line, or some.
@@ -210,29 +210,29 @@ impl<S: Read + Write> Link<'_, S> {
     pub(crate) async fn handle(&mut self, channel: &mut Channel, terminal: &Terminal) -> Result<(), Error> {
         while let Some(payload) = self.arrived().await? {
             let (number, fields) = self.read(payload)?;
-            let answer = channel.take(number, fields, terminal)?;
+            let response = channel.take(number, fields, terminal)?;
             let theirs = channel.theirs.unwrap_or_default();
-            match answer {
-                Answer::None => {}
-                Answer::Opened(theirs) => {
+            match response {
+                Response::None => {}
+                Response::Opened(theirs) => {
                     let (window, longest) = (WINDOW_BYTES as u32, DATA_BYTES_MAX as u32);
                     self.send(OPENED, |message| {
                         message.number(theirs).number(OWN_NUMBER).number(window).number(longest);
                     })
                     .await?;
                 }
-                Answer::NotOpened { theirs, reason } => {
+                Response::NotOpened { theirs, reason } => {
                     self.send(OPEN_FAILED, |message| {
                         message.number(theirs).number(reason).string(b"").string(b"");
                     })
                     .await?;
                 }
-                Answer::Global => self.send(GLOBAL_FAILURE, |_| {}).await?,
-                Answer::Request(done) => {
+                Response::Global => self.send(GLOBAL_FAILURE, |_| {}).await?,
+                Response::Request(done) => {
                     let number = if done { SUCCESS } else { FAILURE };
                     self.send(number, |message| _ = message.number(theirs)).await?;
                 }
-                Answer::Unimplemented => self.unimplemented().await?,
+                Response::Unimplemented => self.unimplemented().await?,
             }
         }
         Ok(())

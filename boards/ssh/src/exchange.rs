@@ -145,8 +145,8 @@ impl<S: Read + Write> Link<'_, S> {
         let shared = self.share(hash).await?;
         self.send(NEW_KEYS, |_| {}).await?;
         self.outgoing.use_key(shared.key(b'D'), strict);
-        let answer = self.any().await?;
-        if self.incoming.payload(answer) != [NEW_KEYS] {
+        let response = self.any().await?;
+        if self.incoming.payload(response) != [NEW_KEYS] {
             return Err(Error::MALFORMED);
         }
         self.incoming.use_key(shared.key(b'C'), strict);

@@ -123,7 +123,7 @@ impl Driver for LateEthernet {
     type TxToken<'a> = eth::TxToken<'a, 'static>;
 
     fn receive(&mut self, context: &mut Context<'_>) -> Option<(Self::RxToken<'_>, Self::TxToken<'_>)> {
-        // As in the driver: nothing is received without room for the answer.
+        // As in the driver: nothing is received without room for the response.
         self.transmit(context)?;
         self.driver.as_mut()?.receive(context)
     }

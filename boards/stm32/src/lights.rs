@@ -3,7 +3,7 @@
 //! * Green: blinks once a second while every task responds; stops when one does not.
 //! * Blue (yellow on the H743ZI2): the network has an address.
 //! * Red: a port is lost or failed to open.
-//! * With EtherCAT, once a controller answers or a port is configured for one: green is the RUN light, red the ERR light
+//! * With EtherCAT, once a controller responds or a port is configured for one: green is the RUN light, red the ERR light
 //!   (ETG.1300).
 //! * All three blink fast: the user button is being held at start-up; all three on: the settings are being deleted.
 

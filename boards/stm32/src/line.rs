@@ -3,7 +3,7 @@
 //! Receiving: every character raises an interrupt that wakes the port's task unless more are gathered, and DMA stores it.
 //! Neither of embassy-stm32's receive paths is used. Its `BufferedUart` takes characters by interrupt, which loses them while the
 //! chip stalls for a flash erase, and on the F4 it clears flags in a way that can lose one. Its ring buffer stops at a framing error
-//! and discards unread data, and framing errors are common where a driver releases the bus. Here a damaged character stays in the
+//! and discards unread data, and framing errors are common where a driver releases the bus. Here a corrupt character stays in the
 //! buffer and is counted, and the frame's CRC reveals it.
 //!
 //! Transmitting: on the F7 and H7 the UART switches the transceiver's driver. On the F4 a pin does: on before the first character,

@@ -247,9 +247,9 @@ impl<A: Application + 'static> Rig<A> {
         let mut data = outputs.to_vec();
         data.resize(outputs.len() + usize::from(self.device.default_bytes(Channel::Inputs)), 0);
         self.exchanged = Instant::now();
-        let answer = self.segment.send_logical(Command::Lrw, LOGICAL, &data);
+        let response = self.segment.send_logical(Command::Lrw, LOGICAL, &data);
         self.world.run_for(self.pause);
-        (answer.data[outputs.len()..].to_vec(), answer.counter)
+        (response.data[outputs.len()..].to_vec(), response.counter)
     }
 
     /// Writes a message of a type with a counter; returns the working counter.
@@ -278,9 +278,9 @@ impl<A: Application + 'static> Rig<A> {
     /// Sends a CoE request; returns the payload of its response.
     pub fn ask(&mut self, payload: &[u8]) -> Vec<u8> {
         assert_eq!(self.send(payload), 1, "the mailbox takes a request");
-        let answer = self.receive().expect("a request is answered");
-        assert_eq!(answer[5] & 0x0f, 3, "by CoE: {answer:02x?}");
-        answer[6..].to_vec()
+        let response = self.receive().expect("a request is answered");
+        assert_eq!(response[5] & 0x0f, 3, "by CoE: {response:02x?}");
+        response[6..].to_vec()
     }
 
     /// Sends an SDO request of eight or more bytes; returns the response, or the abort code.
@@ -288,12 +288,12 @@ impl<A: Application + 'static> Rig<A> {
         let mut payload = vec![0x00, 0x20];
         payload.extend(request);
         payload.resize(payload.len().max(10), 0);
-        let answer = self.ask(&payload);
-        let (service, sdo) = (answer[1] >> 4, &answer[2..]);
+        let response = self.ask(&payload);
+        let (service, sdo) = (response[1] >> 4, &response[2..]);
         match (service, sdo[0]) {
             (2, 0x80) => Err(u32::from_le_bytes(sdo[4..8].try_into().unwrap())),
             (3, _) => Ok(sdo.to_vec()),
-            other => panic!("neither an answer nor an abort: {other:x?}"),
+            other => panic!("neither a response nor an abort: {other:x?}"),
         }
     }
 
@@ -309,13 +309,13 @@ impl<A: Application + 'static> Rig<A> {
 
     fn upload_by(&mut self, command: u8, index: u16, sub: u8) -> Result<Vec<u8>, u32> {
         let [low, high] = index.to_le_bytes();
-        let answer = self.sdo(&[command, low, high, sub])?;
-        assert_eq!(answer[1..4], [low, high, sub]);
-        if answer[0] & 2 != 0 {
-            return Ok(answer[4..8 - usize::from(answer[0] >> 2 & 3)].to_vec());
+        let response = self.sdo(&[command, low, high, sub])?;
+        assert_eq!(response[1..4], [low, high, sub]);
+        if response[0] & 2 != 0 {
+            return Ok(response[4..8 - usize::from(response[0] >> 2 & 3)].to_vec());
         }
-        let size = u32::from_le_bytes(answer[4..8].try_into().unwrap()) as usize;
-        let mut bytes = answer[8..].to_vec();
+        let size = u32::from_le_bytes(response[4..8].try_into().unwrap()) as usize;
+        let mut bytes = response[8..].to_vec();
         let mut toggle = 0;
         while bytes.len() < size {
             let segment = self.sdo(&[0x60 | toggle])?;

@@ -20,7 +20,7 @@ pub struct FrameFaults {
     /// The frame is lost at a random point.
     pub lost: f64,
     /// The frame is corrupted at a random point, and valid only before it.
-    pub damaged: f64,
+    pub corrupt: f64,
     /// The frame passes the segment twice, and both copies return.
     pub doubled: f64,
     /// The frame returns late.
@@ -31,7 +31,7 @@ pub struct FrameFaults {
 
 impl FrameFaults {
     /// No faults.
-    pub const NONE: Self = Self { lost: 0.0, damaged: 0.0, doubled: 0.0, delayed: 0.0, delay_us: 0..=0 };
+    pub const NONE: Self = Self { lost: 0.0, corrupt: 0.0, doubled: 0.0, delayed: 0.0, delay_us: 0..=0 };
 }
 
 /// Carries frames to a segment and back.
@@ -110,8 +110,8 @@ impl Cable {
         let places = self.segment.borrow().len() + 1;
         if self.random.chance(faults.lost) {
             Fate::Lost(self.random.index(places))
-        } else if self.random.chance(faults.damaged) {
-            Fate::Damaged(self.random.index(places))
+        } else if self.random.chance(faults.corrupt) {
+            Fate::Corrupt(self.random.index(places))
         } else {
             Fate::Intact
         }

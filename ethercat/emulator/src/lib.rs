@@ -43,8 +43,8 @@
 //! // A MainDevice counts devices: a broadcast read of the first register.
 //! let mut frame = Builder::default().device(Command::Brd, 0, 0x0000, &[0]).build();
 //! assert!(chip.pass(0, &mut frame));
-//! let answer = datagrams(&mut frame).next().unwrap();
-//! assert_eq!((answer.counter(), answer.data()), (1, &[0xC0][..]));
+//! let response = datagrams(&mut frame).next().unwrap();
+//! assert_eq!((response.counter(), response.data()), (1, &[0xC0][..]));
 //! ```
 //!
 //! # Sources
@@ -112,7 +112,7 @@ pub use main_device::MainDevice;
 #[cfg(feature = "bench")] // As above.
 pub use mobgate_world::{self as world, Random, World};
 pub use pdi::{DirectPdi, Interrupt, SyncPin};
-pub use probe::Answer;
+pub use probe::Response;
 pub use segment::{Fate, Segment};
 
 // Tests the README's example.

@@ -52,9 +52,9 @@ pub fn patient_main_device(pdu_loop: PduLoop<'_>) -> MainDevice<'_> {
 /// Carries a MainDevice's frames over `cable` forever.
 pub async fn pump(mut tx: PduTx<'_>, mut rx: PduRx<'_>, mut cable: Cable) -> Infallible {
     loop {
-        for answer in cable.carry(next_frame(&mut tx).await).await {
+        for response in cable.carry(next_frame(&mut tx).await).await {
             // Frames that return twice or late have no receiver: an error is the master's correct reaction.
-            let _ = rx.receive_frame(&answer);
+            let _ = rx.receive_frame(&response);
         }
     }
 }

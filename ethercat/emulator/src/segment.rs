@@ -17,7 +17,7 @@ pub enum Fate {
     /// Lost before this device; one past the last means on the way back.
     Lost(usize),
     /// A bit flips before this device; one past the last means on the way back. Devices after it reject the frame.
-    Damaged(usize),
+    Corrupt(usize),
 }
 
 /// Chips in a line, the first nearest to the MainDevice.
@@ -99,7 +99,7 @@ impl Segment {
             if fate == Fate::Lost(nth) {
                 return false;
             }
-            let good = !matches!(fate, Fate::Damaged(before) if before <= nth);
+            let good = !matches!(fate, Fate::Corrupt(before) if before <= nth);
             let arrival = at + nth as Nanos * HOP_NANOS;
             let hops_behind = (last - 1 - nth) as Nanos * 2;
             let returned = (last - 1 > nth).then_some(arrival + hops_behind * HOP_NANOS);

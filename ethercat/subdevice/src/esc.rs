@@ -74,13 +74,13 @@ pub enum EscError {
     #[error("the bus to the EtherCAT controller failed")]
     Bus,
     /// Something other than the chip responded: it is absent, in reset, or the wiring is wrong.
-    #[error("no EtherCAT controller answers: {0:#010x} read instead of its test pattern")]
+    #[error("no EtherCAT controller responds: {0:#010x} read instead of its test pattern")]
     Absent(u32),
     /// The chip exceeded its timeout.
     #[error("the EtherCAT controller did not finish at {0:#06x}")]
     Stuck(u16),
     /// A read-back differed: the bus corrupted the access.
-    #[error("an access to the EtherCAT controller at {0:#06x} was damaged on its way")]
+    #[error("an access to the EtherCAT controller at {0:#06x} was corrupted on its way")]
     Garbled(u16),
     /// The chip's bus is not usable, with the reason.
     #[error("{0}")]

@@ -122,7 +122,7 @@ impl Default for Foe {
 }
 
 impl Foe {
-    /// Takes a message in `state`, with `room` bytes of a mailbox for an answer. Other answers come from [`next`](Self::next).
+    /// Takes a message in `state`, with `room` bytes of a mailbox for a response. Other responses come from [`next`](Self::next).
     ///
     /// # Errors
     /// If the message has no complete header.
@@ -199,7 +199,7 @@ impl Foe {
                 self.turn = Turn::Storing(step);
                 Ok(())
             }
-            // Not another one, which would be written: the same, as its sender waits for the answer.
+            // Not another one, which would be written: the same, as its sender waits for the response.
             Turn::Storing(step) | Turn::Busy(step) if number == self.packet => {
                 self.turn = Turn::Storing(step);
                 Ok(())

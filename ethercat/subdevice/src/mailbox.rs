@@ -142,7 +142,7 @@ impl Mailbox {
     pub fn send(&mut self, protocol: Protocol, payload: Payload) {
         self.sent = self.sent % 7 + 1;
         let kept = self.waiting.push_back(Message { protocol, counter: self.sent, payload });
-        debug_assert!(kept.is_ok(), "a request is taken only when there is room for its answer");
+        debug_assert!(kept.is_ok(), "a request is taken only when there is room for its response");
     }
 
     /// SM1 was read.

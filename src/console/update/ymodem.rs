@@ -34,13 +34,13 @@ const BLOCK_BYTES_MAX: usize = HEAD_BYTES + LONG_BYTES + CRC_BYTES;
 /// How often a file is asked for, for two minutes.
 const ASKED_MAX: u32 = 40;
 const ASK_EVERY: Duration = Duration::from_secs(3);
-/// Damaged or missing blocks in a row.
+/// Corrupt or missing blocks in a row.
 const FAILED_MAX: u32 = 10;
 /// How long the next block may take.
 const BLOCK_WITHIN: Duration = Duration::from_secs(5);
 /// How long the next byte of a block may take.
 const BYTE_WITHIN: Duration = Duration::from_secs(1);
-/// The silence after which the rest of a damaged block is over.
+/// The silence after which the rest of a corrupt block is over.
 const OVER_AFTER: Duration = Duration::from_millis(200);
 
 /// What to do after a byte or a silence.
@@ -97,7 +97,7 @@ enum Arriving {
     Block,
     /// One byte of two that cancel.
     Cancel,
-    /// The rest of what is damaged.
+    /// The rest of what is corrupt.
     Rest,
 }
 
@@ -255,7 +255,7 @@ impl Receiver {
         Action::Begin(self.left)
     }
 
-    /// EOT may also be a block's first byte that was damaged: unless the length says that the file is whole, it must come twice.
+    /// EOT may also be a block's first byte that was corrupted: unless the length says that the file is whole, it must come twice.
     fn end_of_file(&mut self) -> Action {
         match self.next {
             Next::Block(_) if self.doubted || self.left == Some(0) => {

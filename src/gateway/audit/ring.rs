@@ -224,7 +224,7 @@ mod tests {
     }
 
     #[test]
-    fn a_reset_leaves_the_lines_up_to_the_first_one_that_is_damaged() {
+    fn a_reset_leaves_the_lines_up_to_the_first_one_that_is_corrupt() {
         let ring = Ring::<200>::new();
         (1..20).for_each(|number| ring.push(number, UP, Topic::Unit, &format!("line {number}")));
         let before = lines(&ring);

@@ -54,7 +54,7 @@ impl Units<'_> {
     /// Prefers function 8, until the unit is known to ignore it. It alternates with a read, which proves something if no response
     /// to an earlier request looks the same, and shows at least whether function 8 is ignored.
     fn find_proof(&mut self, id: u8, request: &[u8], care: &Care, now: Instant) -> Step {
-        let Some(&Unit { reads: [first, second], ignored, by_read, tried, answers_diagnostics, .. }) =
+        let Some(&Unit { reads: [first, second], ignored, by_read, tried, responds_to_diagnostics, .. }) =
             self.find(id)
         else {
             return self.by_diagnostic(now);
@@ -73,12 +73,14 @@ impl Units<'_> {
                 proving = Some(read);
             }
         }
-        let answers_nothing = telling.is_none() && tried >= TRIED_MAX;
-        let most = if answers_diagnostics { IGNORED_RETRY } else { IGNORED_MAX };
-        let diagnostic = ignored < most && !answers_nothing;
+        let responds_to_nothing = telling.is_none() && tried >= TRIED_MAX;
+        let most = if responds_to_diagnostics { IGNORED_RETRY } else { IGNORED_MAX };
+        let diagnostic = ignored < most && !responds_to_nothing;
         let other = if diagnostic { settling.or(telling) } else { settling };
-        match proving.or(other.filter(|_| !answers_diagnostics)) {
-            Some(read) if by_read && !answers_diagnostics || !diagnostic => Step::Prove(read, Purpose::Read),
+        match proving.or(other.filter(|_| !responds_to_diagnostics)) {
+            Some(read) if by_read && !responds_to_diagnostics || !diagnostic => {
+                Step::Prove(read, Purpose::Read)
+            }
             _ if diagnostic => self.by_diagnostic(now),
             _ => self.wait(id, care, now),
         }
@@ -96,7 +98,7 @@ impl Units<'_> {
         }
         unit.waited = false;
         unit.unproven = true;
-        unit.answers_diagnostics = false;
+        unit.responds_to_diagnostics = false;
         unit.ignored = match unit.ignored {
             IGNORED_RETRY.. => IGNORED_MAX - 1,
             ignored => ignored + 1,
@@ -151,7 +153,7 @@ impl Units<'_> {
                 // No response is outstanding any more.
                 (unit.waited, unit.held_until) = (false, now);
             }
-            unit.answers_diagnostics |= is_diagnostic;
+            unit.responds_to_diagnostics |= is_diagnostic;
             unit.ignored = match is_diagnostic {
                 true => 0,
                 false => unit.ignored.saturating_add(u8::from(passed_diagnostic)),

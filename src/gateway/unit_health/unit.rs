@@ -91,7 +91,7 @@ pub struct Unit {
     /// Proofs by function 8 in a row that it ignored while it answered later requests.
     pub(super) ignored: u8,
     /// It has answered a proof by function 8, normally or with an exception.
-    pub(super) answers_diagnostics: bool,
+    pub(super) responds_to_diagnostics: bool,
     /// The next proof is a read, if there is one.
     pub(super) by_read: bool,
     /// The late window of outstanding responses has been, or is being, waited for.
@@ -127,7 +127,7 @@ impl Unit {
             hurried: false,
             late: 0,
             ignored: 0,
-            answers_diagnostics: false,
+            responds_to_diagnostics: false,
             by_read: false,
             waited: false,
             unproven: false,

@@ -108,7 +108,7 @@ mod tests {
     use super::is_beyond_response;
 
     #[test]
-    fn a_read_is_refused_for_its_length_when_no_answer_holds_it() {
+    fn a_read_is_refused_for_its_length_when_no_response_holds_it() {
         for (request, beyond) in [
             ([3, 0, 0, 0, 125], false),
             ([3, 0, 0, 0, 126], true),

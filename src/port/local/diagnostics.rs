@@ -87,14 +87,14 @@ pub(super) fn mode(gateway: &Gateway<'_>, port: PortId, request: &[u8]) -> Mode 
             Mode::Silent
         }
         [DIAGNOSTICS, 0, 1 | 4, ..] => Mode::Refused,
-        _ => Mode::Answers,
+        _ => Mode::Responds,
     }
 }
 
 /// How the own unit reacts to a request.
 pub(super) enum Mode {
     /// It responds.
-    Answers,
+    Responds,
     /// It has restarted communications; the response repeats the request.
     Restarted,
     /// The sub-function does not allow that value.

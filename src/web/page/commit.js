@@ -11,8 +11,8 @@ const TRIAL = 300;
 /// Changes the candidate by lines, and tells about likely mistakes.
 export async function change(lines, replaces) {
   return attempt(async () => {
-    const answer = await call(replaces ? "PUT" : "POST", "settings/candidate", lines.join("\n"));
-    const { warnings } = await answer.json();
+    const response = await call(replaces ? "PUT" : "POST", "settings/candidate", lines.join("\n"));
+    const { warnings } = await response.json();
     if (warnings.length) tell(warnings.map((warning) => warning.message).join("; "), "warn");
     else tell(T.candidate.changed);
     if (app.status && app.status.candidate === "none") app.status.candidate = "open";

@@ -2,7 +2,7 @@
 
 import { attempt, get } from "./api.js";
 import { button, field, h, input, lamp, select, table, v } from "./dom.js";
-import { health, healthText, troubles } from "./health.js";
+import { health, healthText, lineErrors } from "./health.js";
 import { change } from "./commit.js";
 import { app, isClient, may, rate, redraw } from "./state.js";
 import { T } from "./texts.js";
@@ -74,7 +74,7 @@ function bars(items, most) {
 function details(unit) {
   const times = [["p50", T.devices.median], ["p99", T.devices.most], ["last", T.devices.last]]
     .map(([key, name]) => ({ name, value: ms(unit[key]), text: unit[key] }));
-  const errors = troubles(unit).map(({ kind, count }) => ({ name: kind, value: count, text: `${count}`, bad: true }));
+  const errors = lineErrors(unit).map(({ kind, count }) => ({ name: kind, value: count, text: `${count}`, bad: true }));
   const picture = pictures.find((known) => known.port === unit.port && known.unit === unit.unit);
   return h("section", { class: "card", "aria-label": T.devices.about(unit.unit, unit.port) },
     h("h2", null, T.devices.about(unit.unit, unit.port)),
@@ -113,7 +113,7 @@ export function scanForm(port, start) {
 
 /// What a scan has found.
 export function foundTable() {
-  return table(T.devices.found, [T.unit, T.devices.speed, T.devices.took, T.devices.answer],
+  return table(T.devices.found, [T.unit, T.devices.speed, T.devices.took, T.devices.response],
     work.found.map(({ unit, speed, took, about }) => ({ cells: [unit, speed, took, about] })), work.running ? T.devices.notYet : T.devices.nothing);
 }
 

@@ -101,7 +101,7 @@ export function lamp(state, text) {
   return h("span", { class: `lamp ${state}` }, h("span", { "aria-hidden": "true" }, MARKS[state]), text);
 }
 
-export const MARKS = { up: "✓", slow: "…", damaged: "!", down: "✕", idle: "–" };
+export const MARKS = { up: "✓", slow: "…", corrupt: "!", down: "✕", idle: "–" };
 
 /// Asks in a dialog; the promise has what `content(done)` gives to `done`, or nothing if it is left.
 export function ask(title, content) {

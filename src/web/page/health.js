@@ -4,22 +4,22 @@ import { app, isOpen } from "./state.js";
 import { T } from "./texts.js";
 
 /// Errors of the line, which corrupt what devices send.
-const DAMAGE = ["bad-crc", "short", "framing", "parity", "noise", "corrupt"];
-/// Share of requests with such errors from which a unit counts as damaged.
-const DAMAGED = 0.01;
+const CORRUPTION = ["bad-crc", "short", "framing", "parity", "noise", "corrupt"];
+/// Share of requests with such errors from which a unit counts as corrupt.
+const CORRUPT = 0.01;
 
 /// The errors of a unit by kind: `3 silent, 2 bad-crc; advice`.
-export function troubles(unit) {
-  return unit.troubles.split(/[;,] */).map((part) => /^(\d+) ([a-z-]+)$/.exec(part)).filter(Boolean)
+export function lineErrors(unit) {
+  return unit.errors.split(/[;,] */).map((part) => /^(\d+) ([a-z-]+)$/.exec(part)).filter(Boolean)
     .map(([, count, kind]) => ({ kind, count: Number(count) }));
 }
 
 /// The lamp of a unit.
 export function health(unit) {
-  const damaged = troubles(unit).filter(({ kind }) => DAMAGE.includes(kind)).reduce((sum, { count }) => sum + count, 0);
+  const corrupt = lineErrors(unit).filter(({ kind }) => CORRUPTION.includes(kind)).reduce((sum, { count }) => sum + count, 0);
   if (unit.state === "down") return "down";
-  if (damaged > unit.requests * DAMAGED) return "damaged";
-  if (unit.state === "out-of-step" || /slower/.test(unit.troubles)) return "slow";
+  if (corrupt > unit.requests * CORRUPT) return "corrupt";
+  if (unit.state === "out-of-step" || /slower/.test(unit.errors)) return "slow";
   return unit.state === "held" ? "idle" : "up";
 }
 
@@ -38,7 +38,7 @@ export function problems() {
   for (const unit of units) {
     const state = health(unit);
     if (state === "up" || state === "idle") continue;
-    const worst = troubles(unit).sort((one, other) => other.count - one.count)[0];
+    const worst = lineErrors(unit).sort((one, other) => other.count - one.count)[0];
     const fix = state === "slow" ? T.fixes.late : T.fixes[worst?.kind] || T.fixes.silent;
     add(state === "down" ? 2 : 1, T.unitFails[state](unit.unit, unit.port), fix);
   }

@@ -9,7 +9,7 @@ let own = [];
 let serviceLines = {};
 
 async function loadNetwork() {
-  [own, serviceLines] = await Promise.all([get("network").then((answer) => answer.network), get("settings/json")]);
+  [own, serviceLines] = await Promise.all([get("network").then((response) => response.network), get("settings/json")]);
   redraw();
 }
 

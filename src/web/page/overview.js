@@ -111,7 +111,7 @@ function picture() {
 }
 
 function lampLegend() {
-  return h("p", { class: "legend" }, ["up", "slow", "damaged", "down"].map((state) =>
+  return h("p", { class: "legend" }, ["up", "slow", "corrupt", "down"].map((state) =>
     h("span", { class: `lamp ${state}` }, h("span", { "aria-hidden": "true" }, MARKS[state]), healthText(state))));
 }
 

@@ -32,7 +32,7 @@ async function write(point) {
 
 function quality(point) {
   const good = /^ok/.test(point.status);
-  return lamp(good ? "up" : point.age_s === null ? "idle" : "damaged", point.status);
+  return lamp(good ? "up" : point.age_s === null ? "idle" : "corrupt", point.status);
 }
 
 export const points = {

@@ -7,7 +7,7 @@ export const T = {
   unsaved: "Settings in force are not saved", unsavedFix: "After a restart they would be gone. “save” at a console keeps them, and so does a commit.",
   nav: { overview: "Overview", devices: "Devices", rules: "Rules", points: "Points", frames: "Frames", log: "Log and audit", users: "Users", settings: "Settings", network: "Network", ethercat: "EtherCAT", update: "Update", setup: "Set up a line" },
   roles: { viewer: "viewer", operator: "operator", engineer: "engineer" },
-  lamps: { up: "up", slow: "slow", damaged: "damaged", down: "down", idle: "not asked" },
+  lamps: { up: "up", slow: "slow", corrupt: "corrupt", down: "down", idle: "not asked" },
   login: { intro: "Modbus gateway", user: "User", password: "Password", submit: "Log in" },
   candidate: {
     title: "Changes", open: "There are changes that are not in force yet.", waiting: "The changes are in force on trial. Unless somebody keeps them, the settings from before come back in",
@@ -31,7 +31,7 @@ export const T = {
   ],
   unitFails: {
     down: (unit, port) => `Unit ${unit} at ${port} does not respond`,
-    damaged: (unit, port) => `What unit ${unit} at ${port} sends arrives damaged`,
+    corrupt: (unit, port) => `What unit ${unit} at ${port} sends arrives corrupt`,
     slow: (unit, port) => `Unit ${unit} at ${port} responds late`,
   },
   fixes: {
@@ -54,7 +54,7 @@ export const T = {
     histogram: (from, to) => `How long responses took: most ${from} to ${to}`, hourOf: (kind, count, minutes) => `${kind}: ${count} in the last hour, the last one ${minutes} to ${minutes + 5} minutes ago`, noErrors: "None.",
     scanTitle: "Find devices", scanIntro: "Asks every unit at each speed with something that changes nothing. Others who ask by this port get exception 0A meanwhile.",
     noLine: "There is no serial line to scan.", speeds: "Speeds, each as 8E1, 8N1, 8O1 and 8N2", units: "Units", unitsHint: "1-247 are all", scan: "Scan",
-    found: "Found devices", speed: "Speed", took: "Took", answer: "Answer", notYet: "None found yet.", nothing: "No device responded.", take: "Take over",
+    found: "Found devices", speed: "Speed", took: "Took", response: "Response", notYet: "None found yet.", nothing: "No device responded.", take: "Take over",
     tuneTitle: "Measure response times", tuneIntro: "Asks each unit that has responded many times, and proposes a timeout and a gap. Other traffic goes on.", count: "Requests for each unit", tune: "Measure",
   },
   rules: {

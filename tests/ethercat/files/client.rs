@@ -23,9 +23,9 @@ pub(crate) fn rig(state: u16) -> Rig<Bench> {
 }
 
 /// A message of the SubDevice: its operation, its number, and the rest.
-pub(crate) type Answer = (u8, u32, Vec<u8>);
+pub(crate) type Response = (u8, u32, Vec<u8>);
 
-pub(crate) fn received<A: Application + 'static>(rig: &mut Rig<A>) -> Option<Answer> {
+pub(crate) fn received<A: Application + 'static>(rig: &mut Rig<A>) -> Option<Response> {
     let message = rig.receive()?;
     assert_eq!(message[5] & 0x0f, FOE, "{message:02x?}");
     assert_eq!(message[7], 0, "reserved");
@@ -52,33 +52,33 @@ pub(crate) fn ask<A: Application + 'static>(
     operation: u8,
     number: u32,
     rest: &[u8],
-) -> Option<Answer> {
+) -> Option<Response> {
     send(rig, operation, number, rest);
     // The application is looked at each millisecond.
     rig.pass(3);
     received(rig)
 }
 
-pub(crate) fn ack(number: u32) -> Option<Answer> {
+pub(crate) fn ack(number: u32) -> Option<Response> {
     Some((ACK, number, Vec::new()))
 }
 
 /// The code of an error; there is a text with it.
-pub(crate) fn code(answer: Option<Answer>) -> u32 {
-    let (operation, code, text) = answer.expect("an error is answered");
+pub(crate) fn code(response: Option<Response>) -> u32 {
+    let (operation, code, text) = response.expect("an error is answered");
     assert_eq!(operation, ERR, "{code:x} {text:02x?}");
     assert!(!text.is_empty() && text.is_ascii(), "{text:02x?}");
     code
 }
 
-/// Writes a file; the last answer if it is another one than an acknowledgement.
+/// Writes a file; the last response if it is another one than an acknowledgement.
 pub(crate) fn write<A: Application + 'static>(
     rig: &mut Rig<A>,
     name: &str,
     password: u32,
     bytes: &[u8],
     packet: usize,
-) -> Option<Answer> {
+) -> Option<Response> {
     let opened = ask(rig, WRITE, password, name.as_bytes());
     if opened != ack(0) {
         return opened;
@@ -88,9 +88,9 @@ pub(crate) fn write<A: Application + 'static>(
         packets.push(&[]);
     }
     for (number, packet) in (1..).zip(packets) {
-        let answer = ask(rig, DATA, number, packet);
-        if answer != ack(number) {
-            return answer;
+        let response = ask(rig, DATA, number, packet);
+        if response != ack(number) {
+            return response;
         }
     }
     None
@@ -98,19 +98,19 @@ pub(crate) fn write<A: Application + 'static>(
 
 pub(crate) fn read<A: Application + 'static>(rig: &mut Rig<A>, name: &str, packet: usize) -> Vec<u8> {
     let mut bytes = Vec::new();
-    let mut answer = ask(rig, READ, 0, name.as_bytes());
+    let mut response = ask(rig, READ, 0, name.as_bytes());
     for number in 1.. {
-        let (operation, found, data) = answer.expect("data");
+        let (operation, found, data) = response.expect("data");
         assert_eq!((operation, found), (DATA, number));
         bytes.extend(&data);
-        answer = ask(rig, ACK, number, &[]);
+        response = ask(rig, ACK, number, &[]);
         match data.len().cmp(&packet) {
             Ordering::Less => break,
             Ordering::Equal => {}
             Ordering::Greater => panic!("{} bytes in a packet", data.len()),
         }
     }
-    assert_eq!(answer, None, "nothing follows the last acknowledgement");
+    assert_eq!(response, None, "nothing follows the last acknowledgement");
     bytes
 }
 

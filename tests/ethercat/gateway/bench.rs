@@ -131,7 +131,7 @@ fn objects_of<'g>(gateway: &'g Gateway<'_>) -> GatewayObjects<'g> {
     if gateway.ethercat_modules() { GatewayObjects::modular(place) } else { GatewayObjects::new(place) }
 }
 
-/// The devices answer on the wire.
+/// The devices respond on the wire.
 fn serve_devices(world: &World<'_>, rig: &Rig<'_>, baud: u32, devices: Vec<Device>) {
     // The line may have another speed and format until the MainDevice sets it.
     let line = LineSettings { baud, ..LineSettings::DEFAULT };

@@ -91,7 +91,7 @@ fn the_master_sees_which_device_is_well_and_the_others_go_on() {
         assert_eq!(gateway.inputs_raw()[120..], [1, 2, 1, 1], "the status bytes behind the inputs");
         let health = async |nth: u16| gateway.sdo_read::<u8>(0x2180 + nth, 1).await.unwrap();
         assert_eq!([health(0).await, health(1).await, health(2).await, health(3).await], [1, 2, 1, 1]);
-        assert_eq!(gateway.sdo_read::<u8>(0x2181, 4).await.unwrap(), 5, "no answer");
+        assert_eq!(gateway.sdo_read::<u8>(0x2181, 4).await.unwrap(), 5, "no response");
         assert_eq!(gateway.sdo_read::<u32>(0x2181, 6).await.unwrap(), 0);
         assert!(gateway.sdo_read::<u32>(0x2181, 8).await.unwrap() >= 3);
         assert!(gateway.sdo_read::<u32>(0x2182, 2).await.unwrap() < 200, "heard of lately");

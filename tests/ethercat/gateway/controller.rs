@@ -28,7 +28,7 @@ fn serve_at<'g>(world: &World<'g>, rig: &Rig<'g>, line: &SharedSegment, timing: 
 }
 
 #[test]
-fn the_port_says_that_no_controller_answers_and_works_when_one_does() {
+fn the_port_says_that_no_controller_responds_and_works_when_one_does() {
     with_gateway(1, SETTINGS, |world, rig| {
         let place = rig.gateway.ethercat().unwrap();
         let port = || rig.gateway.ports()[1].status();

@@ -36,7 +36,7 @@ fn shown(message: &[u8]) -> (u8, u64, String) {
 }
 
 #[test]
-fn statement_60_the_history_tells_of_devices_that_are_silent_answer_again_and_refuse() {
+fn statement_60_the_history_tells_of_devices_that_are_silent_respond_again_and_refuse() {
     let device = Device::new(7);
     with_wire(19_200, SETTINGS, vec![device.clone()], async |dispatcher, _| {
         let group: Group<_> = dispatcher.to_pre_op().await.unwrap();
@@ -64,8 +64,8 @@ fn statement_60_the_history_tells_of_devices_that_are_silent_answer_again_and_re
             messages.push(shown(&gateway.sdo_read::<[u8; MESSAGE_BYTES]>(0x10f3, sub).await.unwrap()));
         }
         let expected = [
-            (2, "Modbus slave 0 does not answer"),
-            (0, "Modbus slave 0 answers again"),
+            (2, "Modbus slave 0 does not respond"),
+            (0, "Modbus slave 0 responds again"),
             (1, "Modbus slave 0 refuses a request by exception 4"),
         ];
         let texts = messages.iter().map(|(severity, _, text)| (*severity, text.as_str()));

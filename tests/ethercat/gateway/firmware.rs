@@ -119,8 +119,8 @@ fn what_is_refused_has_a_code_and_the_reason_in_words() {
     ] {
         let (mut rig, firmware, restarts) = updatable(BOOT, false);
         firmware.refuse(bytes, why);
-        let answer = write(&mut rig, "firmware.mgu", 0, &content(5_000), PACKET);
-        let (operation, code, text) = answer.expect("it is refused");
+        let response = write(&mut rig, "firmware.mgu", 0, &content(5_000), PACKET);
+        let (operation, code, text) = response.expect("it is refused");
         assert_eq!((operation, code), (ERR, number), "{why:?}");
         assert_eq!(String::from_utf8(text).unwrap(), why.to_string());
         assert_eq!(rig.request(INIT), (INIT, 0));
@@ -140,7 +140,7 @@ fn slow_flash_makes_the_gateway_busy_and_a_transfer_that_ends_early_is_discarded
         rig.pass(110);
         match received(&mut rig) {
             Some((BUSY, ..)) => busy += 1,
-            answer => break assert_eq!(answer, ack(1)),
+            response => break assert_eq!(response, ack(1)),
         }
     }
     assert!(busy >= 2, "{busy}");

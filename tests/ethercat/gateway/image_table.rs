@@ -3,7 +3,7 @@
 use std::net::Ipv4Addr;
 
 use mobgate_simulator::Device;
-use mobgate_simulator::client::Answer;
+use mobgate_simulator::client::Response;
 
 use super::bench::with_rig;
 use crate::prelude::*;
@@ -24,8 +24,8 @@ fn a_client_reads_the_process_image_with_state_and_age_from_the_own_unit() {
         let mut client = rig.client(Ipv4Addr::LOCALHOST.into(), 502);
         let mut read = async |address: u16, count: u8| {
             let [high, low] = address.to_be_bytes();
-            let Answer::Pdu(pdu) = client.request(100, &[4, high, low, 0, count]).await else {
-                panic!("no answer")
+            let Response::Pdu(pdu) = client.request(100, &[4, high, low, 0, count]).await else {
+                panic!("no response")
             };
             let words = || pdu[2..].chunks(2).map(|word| u16::from_be_bytes([word[0], word[1]])).collect();
             (pdu[0] == 4).then(words)

@@ -62,8 +62,8 @@ fn thirty_two_slaves_exchange_512_bytes_each_way() {
         let states = device.inputs_raw()[512..].to_vec();
         for (nth, state) in states.as_chunks::<2>().0.iter().enumerate() {
             assert_eq!((state[0] & 0x7f, state[1]), (1, 0), "slave {nth} is well");
-            let answers = gateway.ethercat().unwrap().slave_status(nth).unwrap().responses;
-            assert!(answers > 5, "slave {nth}: {answers}");
+            let responses = gateway.ethercat().unwrap().slave_status(nth).unwrap().responses;
+            assert!(responses > 5, "slave {nth}: {responses}");
             assert_eq!(device.sdo_read::<u8>(0x2180 + nth as u16, 1).await.unwrap(), 1);
         }
     });

@@ -60,11 +60,11 @@ impl Limits {
         let (reads, writes) = exchanges(setup);
         let most = Duration::from_millis(setup.polling_ms.into()).max(sum(&reads));
         // What changes while it is read is in the response of the next poll.
-        let answer = *reads.iter().max().unwrap();
+        let response = *reads.iter().max().unwrap();
         // Until the MainDevice sends or fetches, and until the SubDevice has put inputs there: two cycles.
         let slack = Duration::from_millis(2 * setup.cycle_ms);
         // A round to read, the writes that follow it, and a round to read back.
-        Self { input: most + answer + slack, back: 2 * most + sum(&writes) + slack }
+        Self { input: most + response + slack, back: 2 * most + sum(&writes) + slack }
     }
 }
 

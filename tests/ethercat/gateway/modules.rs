@@ -155,7 +155,7 @@ fn thirty_two_modules_of_mixed_types_are_configured_by_a_start_up_list_and_read_
     }
 }
 
-/// Puts values into the image as devices' answers would, and reads each as an entry.
+/// Puts values into the image as devices' responses would, and reads each as an entry.
 fn check_values(rig: &mut Rig<Objects>, modules: &[Module]) {
     let place = rig.application().shared();
     let image: Vec<u8> = (0..512).map(|nth| (nth * 37 + 11) as u8).collect();
@@ -189,14 +189,14 @@ fn exchange(rig: &mut Rig<Objects>, modules: &[Module], [outputs, inputs]: [u16;
     let mut data: Vec<u8> = (0..outputs).map(|nth| (nth * 29 + 3) as u8).collect();
     data.resize(usize::from(outputs + inputs), 0);
     let cycle = |rig: &mut Rig<Objects>| {
-        let answer = rig.segment.send_logical(Command::Lrw, LOGICAL, &data);
+        let response = rig.segment.send_logical(Command::Lrw, LOGICAL, &data);
         rig.pass(1);
-        assert_eq!(answer.counter, 3);
-        answer.data
+        assert_eq!(response.counter, 3);
+        response.data
     };
     cycle(rig);
     assert_eq!(rig.request(OP), (OP, 0));
-    let answer = cycle(rig);
+    let response = cycle(rig);
     let (mut output, mut input) = (0, usize::from(outputs));
     for (module, slot) in modules.iter().zip(0..) {
         for nth in 0..usize::from(module.coils) {
@@ -210,12 +210,12 @@ fn exchange(rig: &mut Rig<Objects>, modules: &[Module], [outputs, inputs]: [u16;
             assert_eq!(rig.upload(0x7001 + 0x10 * slot, 1), Ok(value));
         }
         for nth in 0..usize::from(module.discrete) {
-            let bit = answer[input + nth / 8] >> (nth % 8) & 1;
+            let bit = response[input + nth / 8] >> (nth % 8) & 1;
             assert_eq!(rig.upload(0x6000 + 0x10 * slot, nth as u8 + 1), Ok(vec![bit]));
         }
         let end = input + module.pdo_bytes(Channel::Inputs);
         if values == 1 {
-            let value = answer[end - TYPE_BYTES[kind]..end].to_vec();
+            let value = response[end - TYPE_BYTES[kind]..end].to_vec();
             assert_eq!(rig.upload(0x6003 + 0x10 * slot, 1), Ok(value));
         }
         (output, input) = (output + module.pdo_bytes(Channel::Outputs), end);

@@ -3,7 +3,7 @@
 use std::net::Ipv4Addr;
 
 use mobgate_simulator::Device;
-use mobgate_simulator::client::Answer;
+use mobgate_simulator::client::Response;
 
 use super::bench::with_rig;
 use crate::prelude::*;
@@ -43,9 +43,9 @@ fn a_main_device_has_points_read_and_written_and_sees_what_came_of_it() {
         write(0x2040, 2, 0x0103).await.unwrap();
         assert_eq!(read(0x2041, 2).await, 0x0100, "blocked");
         assert_eq!(plc.request(248, &[6, 0xf0, 1, 2, 4]).await.exception(), Some(6));
-        assert_eq!(plc.request(248, &[3, 0xf0, 1, 0, 1]).await, Answer::Pdu(vec![3, 2, 1, 4]));
+        assert_eq!(plc.request(248, &[3, 0xf0, 1, 0, 1]).await, Response::Pdu(vec![3, 2, 1, 4]));
         let set = [16, 0, 100, 0, 2, 4, 0, 7, 0, 8];
-        assert_eq!(plc.request(248, &set).await, Answer::Pdu(set[..5].to_vec()));
+        assert_eq!(plc.request(248, &set).await, Response::Pdu(set[..5].to_vec()));
         write(0x2040, 2, 0x0104).await.unwrap();
         Timer::after_millis(100).await;
         assert_eq!(read(0x2040, 2).await, 0x0102);

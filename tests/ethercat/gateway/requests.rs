@@ -18,7 +18,7 @@ fn with_device(test: impl FnOnce(&mut World<'_>, &Rig<'_>, Device, GatewayObject
     });
 }
 
-/// Asks, waits for the end; state, error and answer.
+/// Asks, waits for the end; state, error and response.
 fn ask(world: &mut World<'_>, objects: &mut GatewayObjects<'_>, request: &[u8]) -> (u32, u32, Vec<u8>) {
     write_bytes(objects, 0x2033, 1, request).unwrap();
     assert_eq!(read(objects, 0x2033, 2), OPEN);
@@ -45,7 +45,7 @@ fn requests_of_any_function_are_answered_without_a_configuration() {
 }
 
 #[test]
-fn an_answer_of_two_bytes_is_no_exception_because_its_second_one_looks_like_it() {
+fn a_response_of_two_bytes_is_no_exception_because_its_second_one_looks_like_it() {
     with_device(|world, _, device, mut objects| {
         // Read exception status: 0Ah and 0Bh are what the gateway itself says by an exception.
         for status in [0x0a, 0x0b] {
@@ -56,23 +56,23 @@ fn an_answer_of_two_bytes_is_no_exception_because_its_second_one_looks_like_it()
 }
 
 #[test]
-fn the_longest_request_and_the_longest_answer_pass() {
+fn the_longest_request_and_the_longest_response_pass() {
     with_device(|world, _, device, mut objects| {
         let values: Vec<u8> = (0..246).map(|byte| byte as u8).collect();
         let request = [&[5, 16, 0, 0, 0, 123, 246][..], &values].concat();
         assert_eq!(ask(world, &mut objects, &request), (1, 0, vec![16, 0, 0, 0, 123]));
         assert_eq!(device.memory().holding[122], 0xf4f5);
-        let (state, _, answer) = ask(world, &mut objects, &[5, 3, 0, 0, 0, 125]);
-        assert_eq!((state, answer.len()), (1, 252));
-        assert_eq!(answer[2..248], values);
+        let (state, _, response) = ask(world, &mut objects, &[5, 3, 0, 0, 0, 125]);
+        assert_eq!((state, response.len()), (1, 252));
+        assert_eq!(response[2..248], values);
     });
 }
 
 #[test]
-fn an_answer_that_does_not_come_ends_in_an_error() {
+fn a_response_that_does_not_come_ends_in_an_error() {
     with_device(|world, rig, device, mut objects| {
         device.set_faults(Faults::new(1).with(When::Always, Fault::Dead));
-        assert_eq!(ask(world, &mut objects, &[5, 3, 0, 16, 0, 1]), (2, 5, vec![]), "no answer in time");
+        assert_eq!(ask(world, &mut objects, &[5, 3, 0, 16, 0, 1]), (2, 5, vec![]), "no response in time");
         rig.console("delete routes").unwrap();
         assert_eq!(ask(world, &mut objects, &[5, 3, 0, 16, 0, 1]), (2, 7, vec![]), "no way to it");
     });

@@ -62,7 +62,7 @@ fn the_inputs_of_a_silent_device_are_held() {
 }
 
 #[test]
-fn the_inputs_of_a_silent_device_are_cleared_until_it_answers() {
+fn the_inputs_of_a_silent_device_are_cleared_until_it_responds() {
     let (images, inputs_are, state, row) = inputs(1, 0xabcd);
     assert_eq!(images, [READ, [0; 5], READ]);
     assert_eq!((inputs_are, state & 0x0f), (2, SILENT | 2 << 2));
@@ -70,7 +70,7 @@ fn the_inputs_of_a_silent_device_are_cleared_until_it_answers() {
 }
 
 #[test]
-fn the_inputs_of_a_silent_device_are_substituted_until_it_answers() {
+fn the_inputs_of_a_silent_device_are_substituted_until_it_responds() {
     let (images, inputs_are, state, row) = inputs(2, 0xabcd);
     assert_eq!(images, [READ, [0x1f, 0xab, 0xcd, 0xab, 0xcd], READ], "bits take the lowest one");
     assert_eq!((inputs_are, state & 0x0f), (3, SILENT | 3 << 2));

@@ -13,7 +13,7 @@ from soem import PATIENCE
 
 _, interface, readme, name, password, other, *lengths = sys.argv
 password, lengths = int(password), [int(length) for length in lengths]
-# What pysoem returns when the device answers with an error.
+# What pysoem returns when the device responds with an error.
 FOE_ERROR = -5
 
 [snippet] = re.findall(r"```python\n(.*?)```", open(readme).read(), re.DOTALL)

@@ -45,7 +45,7 @@ class MainDevice:
 
     def scan(self, timeout):
         self.begin, self.timeout = time.monotonic(), timeout
-        # With a socket of its own: what comes late is not taken for an answer to something else.
+        # With a socket of its own: what comes late is not taken for a response to something else.
         self.link = kickcat.create_link(*self.interfaces)
         self.link.set_timeout(timeout)
         self.bus = kickcat.Bus(self.link)

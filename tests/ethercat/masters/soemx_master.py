@@ -34,7 +34,7 @@ class MainDevice(Soem):
         return self.anew(lambda: super(MainDevice, self).sdo(index, sub, size, **how))
 
     def anew(self, ask):
-        """What `ask` returns. soemx waits 20 ms to send or receive a message, whatever its time-outs are set to, and would take an answer
+        """What `ask` returns. soemx waits 20 ms to send or receive a message, whatever its time-outs are set to, and would take a response
         that comes later for that to its next question about the same object: it asks anew when none can come any more."""
         end = time.monotonic() + PATIENCE / 1e6
         while True:

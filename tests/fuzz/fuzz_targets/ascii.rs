@@ -1,4 +1,4 @@
-//! ASCII: round trip, damage, and frames among other characters.
+//! ASCII: round trip, corruption, and frames among other characters.
 #![no_main]
 
 use libfuzzer_sys::arbitrary::{self, Arbitrary};
@@ -33,7 +33,7 @@ fuzz_target!(|input: Input| {
     // The colon ends whatever came before: of that, nothing remains.
     assert_eq!(decode(&mut decoder, frame), [Ok((unit, pdu.to_vec()))]);
     assert!(!decoder.in_frame());
-    damage(frame, bit);
+    corruption(frame, bit);
 });
 
 /// What a decoder says of `characters`.
@@ -48,11 +48,11 @@ fn decode(decoder: &mut Decoder, characters: &[u8]) -> Vec<Event> {
 }
 
 /// No single wrong bit passes, but for one that makes a colon: what follows is a frame of its own.
-fn damage(frame: &[u8], bit: u16) {
-    let mut damaged = frame.to_vec();
-    let bit = usize::from(bit) % (8 * damaged.len());
-    damaged[bit / 8] ^= 1 << (bit % 8);
-    if damaged[bit / 8] != b':' {
-        assert!(decode(&mut Decoder::default(), &damaged).iter().all(Result::is_err));
+fn corruption(frame: &[u8], bit: u16) {
+    let mut corrupt = frame.to_vec();
+    let bit = usize::from(bit) % (8 * corrupt.len());
+    corrupt[bit / 8] ^= 1 << (bit % 8);
+    if corrupt[bit / 8] != b':' {
+        assert!(decode(&mut Decoder::default(), &corrupt).iter().all(Result::is_err));
     }
 }

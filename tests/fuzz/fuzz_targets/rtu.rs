@@ -1,4 +1,4 @@
-//! RTU: round trip, damage, and the client's search for the response in a line's bytes.
+//! RTU: round trip, corruption, and the client's search for the response in a line's bytes.
 #![no_main]
 
 use libfuzzer_sys::arbitrary::{self, Arbitrary};
@@ -35,7 +35,7 @@ fuzz_target!(|input: Input| {
         return;
     };
     assert_eq!(decode(frame), Ok((unit, pdu)));
-    damage(frame, bit);
+    corruption(frame, bit);
     if fits(request, pdu).is_ok() {
         alone(unit, request, pdu, frame);
     }
@@ -46,11 +46,11 @@ fuzz_target!(|input: Input| {
 });
 
 /// No single wrong bit passes.
-fn damage(frame: &[u8], bit: u16) {
-    let mut damaged = frame.to_vec();
-    let bit = usize::from(bit) % (8 * damaged.len());
-    damaged[bit / 8] ^= 1 << (bit % 8);
-    assert!(decode(&damaged).is_err());
+fn corruption(frame: &[u8], bit: u16) {
+    let mut corrupt = frame.to_vec();
+    let bit = usize::from(bit) % (8 * corrupt.len());
+    corrupt[bit / 8] ^= 1 << (bit % 8);
+    assert!(decode(&corrupt).is_err());
 }
 
 /// The response by itself is found with its last byte or at silence.
@@ -68,7 +68,7 @@ fn alone(unit: u8, request: &[u8], pdu: &[u8], frame: &[u8]) {
 fn search(unit: u8, request: &[u8], line: &[u8]) {
     let genuine = |pdu: &[u8]| {
         let mut out = [0; FRAME_BYTES_MAX];
-        let frame = encode(unit, pdu, &mut out).expect("an answer is a PDU");
+        let frame = encode(unit, pdu, &mut out).expect("a response is a PDU");
         assert_eq!(fits(request, pdu), Ok(()));
         assert!(line.windows(frame.len()).any(|window| window == frame));
     };

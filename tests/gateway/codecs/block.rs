@@ -77,10 +77,10 @@ proptest! {
             reads.into_iter().map(|(first, quantity)| block(function, base + first, quantity)).collect();
         let joined = reads.iter().fold(reads[0], |joined, read| joined.hull(read).unwrap_or(joined));
         prop_assert_eq!(check_request(&joined.request()), Ok(()));
-        let answer = memory.execute(&joined.request()).unwrap();
+        let response = memory.execute(&joined.request()).unwrap();
         for read in reads {
             let mut out = [0xa5; PDU_BYTES_MAX];
-            let part = joined.part(&answer, &read, &mut out);
+            let part = joined.part(&response, &read, &mut out);
             let alone = memory.execute(&read.request()).unwrap();
             if joined.hull(&read) == Some(joined) {
                 prop_assert_eq!(part, Some(&alone[..]));
@@ -111,12 +111,12 @@ proptest! {
     }
 
     #[test]
-    fn no_answer_whatever_its_bytes_makes_a_part_that_does_not_fit(
-        function in 1..=4_u8, one in any_read(), other in any_read(), answer in vec(any::<u8>(), 0..260),
+    fn no_response_whatever_its_bytes_makes_a_part_that_does_not_fit(
+        function in 1..=4_u8, one in any_read(), other in any_read(), response in vec(any::<u8>(), 0..260),
     ) {
         let [one, other] = [one, other].map(|(first, quantity)| block(function, first, quantity));
         let mut out = [0; PDU_BYTES_MAX];
-        if let Some(part) = one.part(&answer, &other, &mut out) {
+        if let Some(part) = one.part(&response, &other, &mut out) {
             prop_assert_eq!(fits(&other.request(), part), Ok(()));
         }
     }

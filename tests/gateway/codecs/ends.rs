@@ -95,11 +95,11 @@ fn diagnostics_have_a_length_by_their_sub_function_and_the_tunnel_by_its_type() 
         assert_eq!(request_end(&[8, 0, sub]), expected.map_or(End::Unknown, End::At), "{sub}");
         assert_eq!(request_length(&[8, 1, sub]), None, "{sub}");
         let request = [8, 0, sub, 1, 2, 3];
-        let answer = match sub {
+        let response = match sub {
             0 => End::At(6),
             _ => expected.map_or(End::Unknown, End::At),
         };
-        assert_eq!(response_end(&request, &[8]), answer, "{sub}");
+        assert_eq!(response_end(&request, &[8]), response, "{sub}");
         assert_eq!(response_end(&[8, 1, sub, 1, 2], &[8]), End::Unknown, "{sub}");
         let tunnel = (sub == 14).then_some(4);
         assert_eq!(request_length(&[43, sub]), tunnel, "{sub}");
@@ -152,7 +152,7 @@ fn a_read_that_is_answered_with_another_count_has_no_end() {
 }
 
 #[test]
-fn files_are_read_in_answers_of_up_to_a_whole_pdu() {
+fn files_are_read_in_responses_of_up_to_a_whole_pdu() {
     let group = |registers: u16| {
         let [high, low] = registers.to_be_bytes();
         [6, 0, 1, 0, 0, high, low]
@@ -181,19 +181,19 @@ fn each_public_function_has_its_name_and_no_other_code_has_one() {
 }
 
 #[test]
-fn what_changes_something_may_be_broadcast_and_what_wants_an_answer_may_not() {
+fn what_changes_something_may_be_broadcast_and_what_wants_a_response_may_not() {
     for function in 0..=255 {
         // Reads, and 23 and 43, which are of no use without a response.
-        let wants_answer = matches!(function, 1..=4 | 7 | 11 | 12 | 17 | 20 | 23 | 24 | 43);
+        let wants_response = matches!(function, 1..=4 | 7 | 11 | 12 | 17 | 20 | 23 | 24 | 43);
         for request in [&[function][..], &[function, 13, 0, 0, 1], &[function, 14, 0, 0, 1]] {
-            assert_eq!(is_broadcastable(request), !wants_answer, "{request:?}");
+            assert_eq!(is_broadcastable(request), !wants_response, "{request:?}");
         }
     }
     assert!(!is_broadcastable(&[]));
 }
 
 #[test]
-fn an_answer_of_its_own_is_known_for_writes_that_are_repeated_to_the_requester() {
+fn a_response_of_its_own_is_known_for_writes_that_are_repeated_to_the_requester() {
     for function in 0..=255 {
         let request = [function, 1, 2, 3, 4, 5, 6, 7, 8];
         let repeated = match function {

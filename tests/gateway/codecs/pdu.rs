@@ -1,4 +1,4 @@
-//! PDU: which requests pass, how long answers are, which answers fit.
+//! PDU: which requests pass, how long responses are, which responses fit.
 
 use mobgate::modbus::Exception;
 use mobgate::modbus::pdu::{check_request, function_name, is_read};
@@ -25,7 +25,7 @@ fn the_specifications_examples_pass_and_fit() {
 }
 
 #[test]
-fn an_answer_to_another_function_never_fits() {
+fn a_response_to_another_function_never_fits() {
     for (request, _) in EXAMPLES {
         for (other, response) in EXAMPLES.iter().filter(|(other, _)| other[0] != request[0]) {
             assert_eq!(fits(request, response), Err(Misfit::Function), "{request:02X?} {other:02X?}");
@@ -161,7 +161,7 @@ fn counts_that_disagree_with_the_request_or_the_data_are_a_length_misfit() {
 }
 
 #[test]
-fn an_answer_that_repeats_another_field_is_an_echo_misfit() {
+fn a_response_that_repeats_another_field_is_an_echo_misfit() {
     // For each function that repeats fields: the first and the last byte of the response that must be the request's.
     for (function, first, last) in
         [(5, 1, 4), (6, 1, 4), (8, 1, 4), (15, 1, 4), (16, 1, 4), (21, 1, 14), (22, 1, 6), (43, 1, 2)]
@@ -213,7 +213,7 @@ proptest! {
     }
 
     #[test]
-    fn a_truncated_or_longer_answer_does_not_fit((request, response) in exchange(), more in any::<u8>()) {
+    fn a_truncated_or_longer_response_does_not_fit((request, response) in exchange(), more in any::<u8>()) {
         if let ResponseLength::Known(_) = response_length(&request, &response) {
             for end in 0..response.len() {
                 prop_assert_eq!(fits(&request, &response[..end]), Err(Misfit::Length));
@@ -234,7 +234,7 @@ proptest! {
     }
 
     #[test]
-    fn an_answer_fits_no_read_of_another_quantity((request, response) in exchange(), quantity in 1u16..=125) {
+    fn a_response_fits_no_read_of_another_quantity((request, response) in exchange(), quantity in 1u16..=125) {
         if matches!(request[0], 3 | 4 | 23) && response[0] == request[0] {
             let mut other = request.clone();
             other[3..5].copy_from_slice(&quantity.to_be_bytes());

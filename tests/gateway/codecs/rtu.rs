@@ -68,7 +68,7 @@ proptest! {
     }
 
     #[test]
-    fn damage_of_up_to_16_neighbouring_bits_is_always_found(
+    fn corruption_of_up_to_16_neighbouring_bits_is_always_found(
         unit in any::<u8>(), pdu in any_pdu(), burst in 1u16.., place in any::<prop::sample::Index>(),
     ) {
         let good = frame(unit, &pdu);
@@ -99,7 +99,7 @@ proptest! {
         pdu in vec(any::<u8>(), 1..=253),
         from in any::<u8>(),
         to in any::<u8>(),
-        damage in any::<u16>(),
+        corruption in any::<u16>(),
     ) {
         let crc = |unit| {
             let frame = frame(unit, &pdu);
@@ -107,7 +107,7 @@ proptest! {
         };
         let mut delta = CrcDelta::new(from, to);
         delta.pass(pdu.len());
-        let sent = u16::from_le_bytes(delta.translate((crc(from) ^ damage).to_le_bytes()));
-        prop_assert_eq!(sent, crc(to) ^ damage);
+        let sent = u16::from_le_bytes(delta.translate((crc(from) ^ corruption).to_le_bytes()));
+        prop_assert_eq!(sent, crc(to) ^ corruption);
     }
 }

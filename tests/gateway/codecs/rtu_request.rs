@@ -123,7 +123,7 @@ proptest! {
     }
 
     #[test]
-    fn a_damaged_request_is_none(pdu in known(), unit in any::<u8>(), place in any::<prop::sample::Index>(), bit in 0..8) {
+    fn a_corrupt_request_is_none(pdu in known(), unit in any::<u8>(), place in any::<prop::sample::Index>(), bit in 0..8) {
         let mut bytes = frame(unit, &pdu);
         bytes[place.index(pdu.len() + 3)] ^= 1_u8 << bit;
         // A turned bit may make it another function, whose shorter request is followed by something.

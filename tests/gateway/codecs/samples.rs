@@ -1,4 +1,4 @@
-//! Requests, answers that a correct device could give, and streams in which frames are hidden.
+//! Requests, responses that a correct device could give, and streams in which frames are hidden.
 
 use proptest::strategy::Union;
 
@@ -108,8 +108,8 @@ pub(crate) fn request() -> impl Strategy<Value = Vec<u8>> {
     Union::new(choices)
 }
 
-/// What a correct device could answer to `request`, exceptions included.
-fn answer(request: &[u8]) -> BoxedStrategy<Vec<u8>> {
+/// What a correct device could respond to `request`, exceptions included.
+fn response(request: &[u8]) -> BoxedStrategy<Vec<u8>> {
     let function = request[0];
     let word = |at: usize| usize::from(u16::from_be_bytes([request[at], request[at + 1]]));
     let counted = move |count: usize| {
@@ -161,8 +161,8 @@ fn answer(request: &[u8]) -> BoxedStrategy<Vec<u8>> {
 /// A request, and what a correct device could answer.
 pub(crate) fn exchange() -> impl Strategy<Value = (Vec<u8>, Vec<u8>)> {
     request().prop_flat_map(|request| {
-        let answer = answer(&request);
-        (Just(request), answer)
+        let response = response(&request);
+        (Just(request), response)
     })
 }
 

@@ -2,7 +2,7 @@
 
 use mobgate::scanner::{Form, RegisterBit, Request};
 
-use super::{DeviceId, add, answer, answered, at, manual, scanner, scanner_with};
+use super::{DeviceId, add, answered, at, manual, response, scanner, scanner_with};
 use crate::prelude::*;
 
 /// Bit `nth` of holding register `first`, read only when asked for.
@@ -37,7 +37,7 @@ impl Registers {
             3 => return [&[3, 2][..], &cell.to_be_bytes()].concat(),
             6 => *cell = word(3),
             16 => *cell = word(6),
-            _ => return answer(request),
+            _ => return response(request),
         }
         if pdu[0] == 22 { pdu.to_vec() } else { pdu[..5].to_vec() }
     }
@@ -70,8 +70,8 @@ proptest! {
                         scanner.answered(request.device, now, Err(ErrorCode::Timeout));
                     }
                     _ => {
-                        let answer = registers.execute(&request);
-                        scanner.answered(request.device, now, Ok(&answer));
+                        let response = registers.execute(&request);
+                        scanner.answered(request.device, now, Ok(&response));
                     }
                 }
             }

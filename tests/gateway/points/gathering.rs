@@ -5,7 +5,7 @@ use std::iter::from_fn;
 use mobgate::scanner::{Full, Request, VALUE_BYTES_MAX};
 
 use super::{
-    START, add, answer, answered, at, bit_of, checked_scanner, device, exchange, manual, requests, row,
+    START, add, answered, at, bit_of, checked_scanner, device, exchange, manual, requests, response, row,
     scanner, scanner_with,
 };
 use crate::prelude::*;
@@ -286,7 +286,7 @@ proptest! {
                 settle(&mut scanner, &mut device_has, open.remove(0), now, what == 4);
             }
         }
-        // All devices answer from now on.
+        // All devices respond from now on.
         for _ in 0..400 {
             open.extend(scanner.next(now));
             match open.pop() {
@@ -316,5 +316,5 @@ fn settle(
     if let [6, 0, address, 0, value] = request.pdu[..] {
         device_has[usize::from(address)] = Some(value);
     }
-    scanner.answered(request.device, now, Ok(&answer(&request)));
+    scanner.answered(request.device, now, Ok(&response(&request)));
 }

@@ -42,7 +42,7 @@ impl Station {
     }
 
     /// What the device answers.
-    fn answer(&mut self, pdu: &[u8]) -> Vec<u8> {
+    fn response(&mut self, pdu: &[u8]) -> Vec<u8> {
         let registers = |values: &[u16]| values.iter().flat_map(|value| value.to_be_bytes()).collect();
         let data: Vec<u8> = match pdu[0] {
             1 => self.coils.clone(),
@@ -67,8 +67,8 @@ fn round(scanner: &mut Scanner, devices: &mut [Station], ms: u64) -> Vec<Request
     let mut requests = Vec::new();
     while let Some(request) = scanner.next(at(ms)) {
         let device = &mut devices[usize::from(request.device.0)];
-        let answer = device.answer(&request.pdu);
-        scanner.answered(request.device, at(ms), Ok(&answer));
+        let response = device.response(&request.pdu);
+        scanner.answered(request.device, at(ms), Ok(&response));
         requests.push(request);
     }
     requests

@@ -107,7 +107,7 @@ fn a_polled_point_stays_fresh_while_a_client_floods_its_line() {
 }
 
 #[test]
-fn what_the_ports_full_queue_refuses_is_not_taken_for_the_devices_answer() {
+fn what_the_ports_full_queue_refuses_is_not_taken_for_the_devices_response() {
     let settings = "port bus serial uart1 rtu client 19200 8E1
         port P502 tcp server 502 clients 75
         port scan scanner
@@ -213,7 +213,7 @@ fn an_attempt_at_a_server_that_was_not_there_connects_anew_at_that_moment() {
 }
 
 #[test]
-fn an_answer_to_what_a_deleted_device_was_asked_is_not_taken_for_its_successors() {
+fn a_response_to_what_a_deleted_device_was_asked_is_not_taken_for_its_successors() {
     let settings = "port bus serial uart1 rtu client 19200 8E1 timeout 5s
         port scan scanner
         route scan 1-9 * * bus

@@ -3,7 +3,7 @@
 use mobgate::scanner::ABANDONED_AFTER;
 
 use super::{
-    DeviceId, START, add, answer, answered, at, device, exchange, lose_all, row, scanner, scanner_with,
+    DeviceId, START, add, answered, at, device, exchange, lose_all, response, row, scanner, scanner_with,
 };
 use crate::prelude::*;
 
@@ -41,7 +41,7 @@ fn while_a_command_is_under_way_others_are_refused_and_see_whose_it_is() {
         assert_eq!(scanner.start(id, by(2, operation), at(0)), Err(Refused::Taken));
     }
     assert_eq!(command(&scanner, id), (1, UNDER_WAY));
-    // Whose answer was lost asks again.
+    // Whose response was lost asks again.
     scanner.start(id, by(1, READ), at(0)).unwrap();
     exchange(&mut scanner, at(0)).unwrap();
     assert_eq!(scanner.next(at(0)), None, "once");
@@ -67,7 +67,7 @@ fn a_safe_write_whose_program_is_gone_ends_and_leaves_no_half_of_its_values() {
     let request = scanner.next(end).unwrap();
     assert_eq!(request.pdu, [3, 0, 4, 0, 2], "no write: what the device has is read again");
     assert_eq!(scanner.age(id, end), None, "until then its values are nobody's");
-    scanner.answered(device, end, Ok(&answer(&request)));
+    scanner.answered(device, end, Ok(&response(&request)));
     assert_eq!(scanner.input(id), [0, 4, 0, 5]);
     assert_eq!(command(&scanner, id), (1, FAILED));
     assert_eq!(scanner.status(id, end), Status::LAST_OK);
@@ -182,7 +182,7 @@ proptest! {
             open.extend(scanner.next(now).map(|request| (request, now)));
             if what > 4 && !open.is_empty() {
                 let (request, sent) = open.remove(0);
-                let good = answer(&request);
+                let good = response(&request);
                 let outcome = match what {
                     5 => Err(ErrorCode::Timeout),
                     6 => Ok(&[request.pdu[0] | 0x80, 4][..]),
@@ -200,11 +200,11 @@ proptest! {
                 }
             }
         }
-        // All devices answer from now on, and who has begun is gone.
+        // All devices respond from now on, and who has begun is gone.
         for _ in 0..200 {
             now += SECOND;
             for (request, _) in open.drain(..) {
-                scanner.answered(request.device, now, Ok(&answer(&request)));
+                scanner.answered(request.device, now, Ok(&response(&request)));
             }
             open.extend(scanner.next(now).map(|request| (request, now)));
         }

@@ -95,14 +95,14 @@ proptest! {
         });
         let mut cells: HashMap<(u8, u16), u16> = cells.collect();
         for request in requests {
-            let answer = scanner.serve(&request, START).map(|pdu| pdu.to_vec());
-            prop_assert_eq!(answer, model(&mut cells, &request), "{:?}", request);
+            let response = scanner.serve(&request, START).map(|pdu| pdu.to_vec());
+            prop_assert_eq!(response, model(&mut cells, &request), "{:?}", request);
         }
     }
 }
 
 #[test]
-fn the_longest_read_is_answered_and_what_no_answer_holds_is_refused() {
+fn the_longest_read_is_answered_and_what_no_response_holds_is_refused() {
     let (mut scanner, device) = scanner();
     add(&mut scanner, Row { device: None, ..row(device, Kind::Holding, 0, 200) });
     add(&mut scanner, Row { device: None, ..row(device, Kind::Coil, 0, 2_100) });

@@ -1,4 +1,4 @@
-//! The status word of a row, the numbers of errors, and what a row does when its device does not answer.
+//! The status word of a row, the numbers of errors, and what a row does when its device does not respond.
 
 use mobgate::scanner::{BACK_OFF_FIRST, BACK_OFF_LONGEST, BACK_OFF_STEP, DeviceStatus, REPEATS, SCAN};
 

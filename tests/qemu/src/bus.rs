@@ -20,7 +20,7 @@ struct Devices {
     memories: BTreeMap<u8, Memory>,
     silent: BTreeSet<u8>,
     requests: u64,
-    answer_after: Duration,
+    response_after: Duration,
     character: Duration,
 }
 
@@ -32,12 +32,12 @@ impl Bus {
             memories,
             silent: BTreeSet::new(),
             requests: 0,
-            answer_after: Duration::ZERO,
+            response_after: Duration::ZERO,
             character: Duration::ZERO,
         })))
     }
 
-    /// Lets `unit` hear and not answer, or answer again.
+    /// Lets `unit` hear and not respond, or respond again.
     pub fn set_silent(&self, unit: u8, silent: bool) {
         let silent_units = &mut self.0.lock().unwrap().silent;
         if silent {
@@ -47,10 +47,10 @@ impl Bus {
         };
     }
 
-    /// Lets the devices answer so long after a request. The emulator carries bytes faster than a line would, and no response may
+    /// Lets the devices respond so long after a request. The emulator carries bytes faster than a line would, and no response may
     /// come while the board must think that it still sends.
-    pub fn answer_after(&self, time: Duration) {
-        self.0.lock().unwrap().answer_after = time;
+    pub fn response_after(&self, time: Duration) {
+        self.0.lock().unwrap().response_after = time;
     }
 
     /// Lets each character of a response take so long.
@@ -86,15 +86,15 @@ impl Bus {
                 // and asked another one by now.
                 while heard.len() >= request_bytes(&heard) {
                     let rest = heard.split_off(request_bytes(&heard));
-                    let answer =
-                        rtu::open(&heard).and_then(|(unit, pdu)| devices.lock().unwrap().answer(unit, pdu));
+                    let response =
+                        rtu::open(&heard).and_then(|(unit, pdu)| devices.lock().unwrap().response(unit, pdu));
                     heard = rest;
                     let (pause, character) = {
                         let devices = devices.lock().unwrap();
-                        (devices.answer_after, devices.character)
+                        (devices.response_after, devices.character)
                     };
                     thread::sleep(pause);
-                    if answer.is_some_and(|answer| send(&mut line, &answer, character).is_err()) {
+                    if response.is_some_and(|response| send(&mut line, &response, character).is_err()) {
                         return;
                     }
                 }
@@ -129,13 +129,13 @@ fn request_bytes(begun: &[u8]) -> usize {
 }
 
 impl Devices {
-    fn answer(&mut self, unit: u8, pdu: &[u8]) -> Option<Vec<u8>> {
+    fn response(&mut self, unit: u8, pdu: &[u8]) -> Option<Vec<u8>> {
         let memory = self.memories.get_mut(&unit)?;
         self.requests += 1;
         if self.silent.contains(&unit) {
             return None;
         }
-        let answer = memory.execute(pdu).unwrap_or_else(|exception| vec![pdu[0] | 0x80, exception]);
-        Some(rtu::frame(unit, &answer))
+        let response = memory.execute(pdu).unwrap_or_else(|exception| vec![pdu[0] | 0x80, exception]);
+        Some(rtu::frame(unit, &response))
     }
 }

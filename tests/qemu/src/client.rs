@@ -42,11 +42,11 @@ impl Client {
     /// Sends a request and gives the response's PDU.
     pub fn try_ask(&mut self, unit: u8, pdu: &[u8]) -> io::Result<Vec<u8>> {
         self.send(unit, pdu)?;
-        let (transaction, from, answer) = self.receive()?;
+        let (transaction, from, response) = self.receive()?;
         if (transaction, from) != (self.transaction, unit) {
-            return Err(io::Error::other("an answer to another request"));
+            return Err(io::Error::other("a response to another request"));
         }
-        Ok(answer)
+        Ok(response)
     }
 
     /// [`try_ask`](Self::try_ask), where nothing may go wrong.

@@ -1,7 +1,7 @@
 //! A simulated LAN9252 at the board's SPI, and MainDevices at its cable, in a thread of their own on the wall clock.
 //!
 //! The board's transactions come by one pipe and go back by another (boards/qemu_mps2/src/ethercat/spi.rs says how). The board
-//! stands still while it waits for one, so the thread answers at once, and as long as the controller lives.
+//! stands still while it waits for one, so the thread responds at once, and as long as the controller lives.
 
 use std::fs::{File, OpenOptions};
 use std::io::{self, ErrorKind, Read, Write};
@@ -149,13 +149,13 @@ impl Wires {
     fn run<T>(&mut self, future: impl Future<Output = T>) -> T {
         let Self { lan9252, spi, from_board, to_board, begun, .. } = self;
         let source = from_board.try_clone().unwrap();
-        let answer = || answer(from_board, to_board, begun, lan9252, spi);
-        run_beside(&[source.as_fd()], answer, future).expect("pipes")
+        let respond = || respond(from_board, to_board, begun, lan9252, spi);
+        run_beside(&[source.as_fd()], respond, future).expect("pipes")
     }
 }
 
 /// Answers the board's next transaction, if it is there.
-fn answer(
+fn respond(
     from_board: &mut File,
     to_board: &mut File,
     begun: &mut Vec<u8>,

@@ -150,13 +150,13 @@ fn passed_on(machine: &Machine, figures: &mut Figures) {
         passing.ask(&[&[16, 0, 0, 0, registers, 2 * registers][..], &values].concat(), 8);
     };
     let requests = per_byte(figures, &mut write);
-    let answers = per_byte(figures, &mut |registers| passing.read(registers));
+    let responses = per_byte(figures, &mut |registers| passing.read(registers));
     let cut = console.count("P3", "cut") as f64 / console.count("P3", "requests") as f64;
     figure("qemu_cut_through_share", 100.0 * cut, "%", Target::None);
-    let worst = requests.gateway.max(answers.gateway);
+    let worst = requests.gateway.max(responses.gateway);
     figure("qemu_cut_through_instructions", worst, "instructions/byte", Target::AtMost(PER_BYTE_MAX));
     figure("qemu_cut_through_requests", requests.gateway, "instructions/byte", Target::None);
-    figure("qemu_cut_through_answers", answers.gateway, "instructions/byte", Target::None);
+    figure("qemu_cut_through_answers", responses.gateway, "instructions/byte", Target::None);
     // An interrupt for each byte, which is moved in and out.
     figure("qemu_uart_instructions", requests.all - requests.gateway, "instructions/byte", Target::None);
 }

@@ -40,7 +40,7 @@ fn demonstrate(folder: &std::path::Path) {
     let buses = first_units.map(|first| Bus::new(first..first + 3));
     (1..).zip(&buses).for_each(|(uart, bus)| machine.wire(uart, bus));
     let port = machine.port();
-    println!("Devices 1-3, 65-67 and 129-131 answer on Modbus TCP port {port}. Try from another terminal:");
+    println!("Devices 1-3, 65-67 and 129-131 respond on Modbus TCP port {port}. Try from another terminal:");
     println!("  mbpoll -m tcp -p {port} -a 65 -t 4:hex -B -r 1 -c 5 -1 127.0.0.1");
     println!("The board's console is here; its end ends the board.");
     let _ = std::io::stdout().flush();

@@ -30,7 +30,7 @@ impl Passing {
             assert_eq!(console.run(line), "", "{line}");
         }
         let bus = Bus::new([UNIT]);
-        bus.answer_after(SETTLED);
+        bus.response_after(SETTLED);
         bus.pace(CHARACTER);
         machine.wire(3, &bus);
         let master = machine.uart(2);

@@ -188,6 +188,6 @@ fn load(client: &mut Client, unit: u8, period: Duration, over: &AtomicBool) -> u
 }
 
 fn read(client: &mut Client, unit: u8) {
-    let answer = client.read(unit, 0, 10);
-    assert_eq!(answer.len(), 22, "unit {unit}: {answer:02x?}");
+    let response = client.read(unit, 0, 10);
+    assert_eq!(response.len(), 22, "unit {unit}: {response:02x?}");
 }

@@ -18,7 +18,7 @@ const RESET_EVERY: usize = 50;
 /// Units on each line, and the first of them.
 const LINES: [(usize, &str, u8); 3] = [(1, "P1", 1), (2, "P2", 65), (3, "P3", 129)];
 const UNITS: u8 = 8;
-/// The exception for a device that did not answer.
+/// The exception for a device that did not respond.
 const NO_RESPONSE: u8 = 0x0b;
 
 /// Of the transactions, those that may be given up.
@@ -58,12 +58,12 @@ pub fn run(folder: &Path, wanted: u64) {
     });
     wait_for("every socket to come home", || (figures.sockets_free() >= sockets).then_some(()));
     let answered = answered.into_inner();
-    figure("qemu_transactions", answered as f64, "answers", Target::AtLeast(wanted as f64));
-    figure("qemu_rate", answered as f64 / seconds, "answers/s", Target::None);
-    figure("qemu_wrong_answers", wrong as f64, "answers", Target::AtMost(0.0));
-    // Answers of devices that this host kept waiting for longer than the board does.
+    figure("qemu_transactions", answered as f64, "responses", Target::AtLeast(wanted as f64));
+    figure("qemu_rate", answered as f64 / seconds, "responses/s", Target::None);
+    figure("qemu_wrong_answers", wrong as f64, "responses", Target::AtMost(0.0));
+    // Responses of devices that this host kept waiting for longer than the board does.
     let most = GIVEN_UP_SHARE_MAX * wanted as f64;
-    figure("qemu_given_up", given_up as f64, "answers", Target::AtMost(most));
+    figure("qemu_given_up", given_up as f64, "responses", Target::AtMost(most));
     let frames = console.count("-", "frames") - console.count("-", "frames-free");
     figure("qemu_frames_lost", frames as f64, "frames", Target::AtMost(0.0));
     let lost = sockets.abs_diff(figures.sockets_free());
@@ -78,12 +78,13 @@ pub fn run(folder: &Path, wanted: u64) {
 /// How far a line's counters are from what its devices heard, and from each other.
 fn unaccounted(console: &mut crate::Console, bus: &Bus, port: &str) -> u64 {
     let [requests, proofs] = ["requests", "proofs"].map(|event| console.count(port, event));
-    let ended: u64 = ["answers", "timeouts", "damaged"].iter().map(|event| console.count(port, event)).sum();
+    let ended: u64 =
+        ["responses", "timeouts", "corrupt"].iter().map(|event| console.count(port, event)).sum();
     (requests + proofs).abs_diff(bus.requests()) + requests.abs_diff(ended)
 }
 
 /// One client after the other until all have got their responses; how many of those were wrong, and how many the board's, for a
-/// device that did not answer in time.
+/// device that did not respond in time.
 fn client(machine: &Machine, seed: u64, wanted: u64, answered: &AtomicU64) -> (u64, u64) {
     let mut random = Random::new(seed);
     let (mut wrong, mut given_up) = (0, 0);
@@ -102,10 +103,10 @@ fn client(machine: &Machine, seed: u64, wanted: u64, answered: &AtomicU64) -> (u
             (address..address + count).flat_map(|address| [unit, address as u8]).collect();
         let request = [3, 0, address as u8, 0, count as u8];
         match client.try_ask(unit, &request) {
-            Ok(answer) if answer.get(2..) == Some(&expected[..]) => {}
-            Ok(answer) if answer == [0x83, NO_RESPONSE] => given_up += 1,
-            Ok(answer) => {
-                eprintln!("unit {unit}, {request:02x?}: {answer:02x?} for {expected:02x?}");
+            Ok(response) if response.get(2..) == Some(&expected[..]) => {}
+            Ok(response) if response == [0x83, NO_RESPONSE] => given_up += 1,
+            Ok(response) => {
+                eprintln!("unit {unit}, {request:02x?}: {response:02x?} for {expected:02x?}");
                 wrong += 1;
             }
             // Nobody but this client ends the connection.

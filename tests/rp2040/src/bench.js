@@ -30,7 +30,7 @@ export class Bench {
     this.lines = PINS.map((pins, n) => this.board.attach(new Line(pins, format, this.devices[n])));
   }
 
-  /** Runs until the console answers, for `seconds` at most. */
+  /** Runs until the console responds, for `seconds` at most. */
   boot(seconds = 10) {
     const begin = this.board.seconds;
     if (!this.board.run(seconds, () => this.console.connected && /mobgate> \r/.test(this.console.shown) && this.board.seconds > begin + 0.1)) {

@@ -1,11 +1,11 @@
 // An RS-485 line at the chip's pins, bit by bit in simulated time: what the chip sends is sampled in the middle of each bit, and what
-// a device answers is put on the pin. It measures what a bus cares about: driver, gaps, silences.
+// a device responds is put on the pin. It measures what a bus cares about: driver, gaps, silences.
 
 /** Modbus over Serial Line 2.5.1.1: silences above 19200 baud. */
 const T15_NANOS = 750e3, T35_NANOS = 1750e3;
 
 export class Line {
-  /** `device.answer(frame)` is what is behind the line. */
+  /** `device.response(frame)` is what is behind the line. */
   constructor(pins, { baud = 19200, dataBits = 8, parity = 'even', stopBits = 1 }, device) {
     Object.assign(this, { pins, dataBits, parity, stopBits, device });
     this.bit = 1e9 / baud;
@@ -37,7 +37,7 @@ export class Line {
     driver.addListener(() => {
       const { nanos } = board.clock;
       if (this.driven()) {
-        if (this.answering) this.faults.push('the driver goes on while a device answers');
+        if (this.answering) this.faults.push('the driver goes on while a device responds');
       } else if (this.receiving) {
         this.faults.push('the driver goes off within a character');
       } else if (this.lastEnd > 0) {
@@ -86,13 +86,13 @@ export class Line {
     this.frames++;
     const frame = Buffer.from(this.frame);
     this.frame = [];
-    const answer = this.device?.answer(frame);
-    if (answer) this.send(answer);
+    const response = this.device?.response(frame);
+    if (response) this.send(response);
   }
 
   /** Puts a frame of a device on the line. */
   send(bytes, then = () => {}) {
-    if (this.driven()) this.faults.push('the driver is on when a device answers');
+    if (this.driven()) this.faults.push('the driver is on when a device responds');
     this.answering = true;
     const levels = [...bytes].flatMap((byte, nth) => {
       const data = Array.from({ length: this.dataBits }, (_, bit) => byte >> bit & 1);

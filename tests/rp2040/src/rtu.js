@@ -11,7 +11,7 @@ export class Device {
   }
 
   /** The response to a frame of the line, if it is for this device. */
-  answer(frame) {
+  response(frame) {
     if (frame.length < 4 || crc16(frame.subarray(0, -2)) !== frame.readUInt16LE(frame.length - 2)) {
       this.bad.push(frame.toString('hex'));
       return undefined;

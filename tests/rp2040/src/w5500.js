@@ -42,8 +42,8 @@ export class W5500 {
     this.selected = false;
     const [spi] = chip.spi;
     spi.onTransmit = (byte) => {
-      const answer = this.exchange(byte);
-      board.after(8e9 / spi.clockFrequency, () => spi.completeTransmit(answer));
+      const response = this.exchange(byte);
+      board.after(8e9 / spi.clockFrequency, () => spi.completeTransmit(response));
     };
     chip.gpio[CS].addListener((state) => {
       this.selected = state === 0;

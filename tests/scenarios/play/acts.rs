@@ -42,9 +42,9 @@ impl Stage<'_, '_, '_> {
                 || repeated.split("; ").flat_map(each).try_for_each(|sentence| self.act(world, &sentence));
             return (0..number(count)?).try_for_each(|_| once());
         }
-        if let Some((question, answer)) = exchange(sentence) {
+        if let Some((question, response)) = exchange(sentence) {
             self.act(world, question)?;
-            return self.act(world, &answer);
+            return self.act(world, &response);
         }
         self.act_words(world, &words(sentence))
     }
@@ -127,7 +127,7 @@ impl Stage<'_, '_, '_> {
         let pdus = |words| listed(words).iter().map(|pdu| bytes(pdu)).collect::<Result<Vec<_>, _>>();
         match what {
             [":", "well"] => device.set_faults(faults::<&str>(u64::from(unit), &[])?),
-            [":", "answers", pdu @ ..] => device.set_response(&bytes(pdu)?),
+            [":", "responds", pdu @ ..] => device.set_response(&bytes(pdu)?),
             [":", "register", address, "=", value] => {
                 device.memory().holding[number::<usize>(address)?] = number(value)?;
             }

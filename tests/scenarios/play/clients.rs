@@ -80,7 +80,7 @@ impl<'s> Clients<'s> {
         for (name, client) in &self.connected {
             client.check_nothing_came(name)?;
             if let Some(question) = client.questions.values().next() {
-                return Err(format!("{name} has no answer from unit {} yet", question.unit));
+                return Err(format!("{name} has no response from unit {} yet", question.unit));
             }
         }
         Ok(())
@@ -141,8 +141,8 @@ impl Connected {
                 self.questions.clear();
                 self.check_nothing_came("it")
             }
-            ["gets", answer @ ..] => {
-                let (expected, times) = Times::taken_off(answer)?;
+            ["gets", response @ ..] => {
+                let (expected, times) = Times::taken_off(response)?;
                 self.gets(world, expected, &times)
             }
             ["is", "closed", times @ ..] => {
@@ -165,23 +165,23 @@ impl Connected {
         let Some(question) = self.questions.remove(&reply.transaction) else {
             return Err(format!("it got {}, and has not asked", told(&reply)));
         };
-        let is_damaged = reply.pdu.is_empty();
-        if is_damaged != (expected == ["a", "damaged", "frame"]) {
+        let is_corrupt = reply.pdu.is_empty();
+        if is_corrupt != (expected == ["a", "corrupt", "frame"]) {
             return Err(format!("it got {}", told(&reply)));
         }
-        if !is_damaged && (reply.protocol, reply.unit) != (0, question.unit) {
+        if !is_corrupt && (reply.protocol, reply.unit) != (0, question.unit) {
             return Err(format!("it asked unit {} and got {}", question.unit, told(&reply)));
         }
         let of_unit = |unit| {
-            let answer = Memory::new(unit).execute(&question.pdu);
-            answer.unwrap_or_else(|code| vec![question.pdu[0] | 0x80, code])
+            let response = Memory::new(unit).execute(&question.pdu);
+            response.unwrap_or_else(|code| vec![question.pdu[0] | 0x80, code])
         };
         let should = match expected {
-            ["a", "damaged", "frame"] | ["an", "answer"] => reply.pdu.clone(),
+            ["a", "corrupt", "frame"] | ["a", "response"] => reply.pdu.clone(),
             ["exception", code] => [vec![question.pdu[0] | 0x80], bytes(&[code])?].concat(),
-            // What a device with that id that nobody has written to answers.
-            ["the", "answer", "of", "unit", unit] => of_unit(number(unit)?),
-            ["its", "own", "answer"] => of_unit(question.unit),
+            // What a device with that id that nobody has written to responds.
+            ["the", "response", "of", "unit", unit] => of_unit(number(unit)?),
+            ["its", "own", "response"] => of_unit(question.unit),
             ["fresh", "values"] => {
                 let fresh = Fresh::from_response(&reply.pdu).ok_or_else(|| told(&reply))?;
                 let read = Instant::from_micros(u64::from(fresh.at_us));

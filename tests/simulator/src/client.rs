@@ -22,7 +22,7 @@ const FRAME_BYTES_MAX: usize = 260;
 
 /// What came of a request.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Answer {
+pub enum Response {
     /// A response or an exception: its PDU.
     Pdu(Vec<u8>),
     /// Nothing within the client's patience.
@@ -33,7 +33,7 @@ pub enum Answer {
     Wrong(Reply),
 }
 
-impl Answer {
+impl Response {
     /// The exception code, if it is an exception.
     pub fn exception(&self) -> Option<u8> {
         match self {
@@ -123,20 +123,20 @@ impl Client {
     }
 
     /// Asks `unit` and waits for the response.
-    pub async fn request(&mut self, unit: u8, pdu: &[u8]) -> Answer {
+    pub async fn request(&mut self, unit: u8, pdu: &[u8]) -> Response {
         match self.send(unit, pdu).await {
-            Some(transaction) => self.answer(transaction, unit, pdu).await,
-            None => Answer::Closed,
+            Some(transaction) => self.response(transaction, unit, pdu).await,
+            None => Response::Closed,
         }
     }
 
     /// The response to a request for `unit` that was sent.
-    pub async fn answer(&mut self, transaction: u16, unit: u8, pdu: &[u8]) -> Answer {
+    pub async fn response(&mut self, transaction: u16, unit: u8, pdu: &[u8]) -> Response {
         match self.receive().await {
-            Ok(reply) if Self::fits(&reply, transaction, unit, pdu) => Answer::Pdu(reply.pdu),
-            Ok(reply) => Answer::Wrong(reply),
-            Err(NoResponse::Silence) => Answer::Silence,
-            Err(NoResponse::Closed) => Answer::Closed,
+            Ok(reply) if Self::fits(&reply, transaction, unit, pdu) => Response::Pdu(reply.pdu),
+            Ok(reply) => Response::Wrong(reply),
+            Err(NoResponse::Silence) => Response::Silence,
+            Err(NoResponse::Closed) => Response::Closed,
         }
     }
 
@@ -162,7 +162,7 @@ impl Client {
         self.stream.write_all(bytes).await.is_ok()
     }
 
-    /// The next frame, whatever request it answers.
+    /// The next frame, whatever request it responds.
     pub async fn receive(&mut self) -> Result<Reply, NoResponse> {
         let patience = self.patience;
         with_timeout(patience, self.receive_patiently()).await.unwrap_or(Err(NoResponse::Silence))

@@ -1,8 +1,8 @@
 //! Modbus RTU and ASCII devices, written from the specification and not from the gateway's codecs.
 //!
 //! A device hears whole frames: in RTU it wants t3.5 of silence behind a frame and drops one that has a silence over t1.5
-//! inside; a wrong check it drops in any case. It answers after its turnaround time. Its [`Faults`] then decide what the response looks like on the
-//! wire. It has one transmitter: answers leave whole and in the order of the requests, so that a late one delays those behind it.
+//! inside; a wrong check it drops in any case. It responds after its turnaround time. Its [`Faults`] then decide what the response looks like on the
+//! wire. It has one transmitter: responses leave whole and in the order of the requests, so that a late one delays those behind it.
 //! [`serve`] lets several devices share one connection to the bus, which costs less than one each.
 
 use std::cell::{RefCell, RefMut};
@@ -38,7 +38,7 @@ pub struct Device(Rc<RefCell<State>>);
 struct State {
     unit: u8,
     turnaround: Duration,
-    /// What comes so soon behind its own answer it does not hear.
+    /// What comes so soon behind its own response it does not hear.
     rest: Duration,
     deaf_until: Instant,
     memory: Memory,
@@ -220,7 +220,7 @@ impl Device {
             return;
         }
         let frame = |unit, pdu: &[u8], _| framing::frame(framing, unit, pdu);
-        let Some(mut transmission) = state.answer(framing, &pdu, frame) else { return };
+        let Some(mut transmission) = state.response(framing, &pdu, frame) else { return };
         // Each piece waits until the one before is on the wire.
         let mut before = Duration::from_ticks(0);
         let mut length = before;
@@ -250,7 +250,7 @@ impl Device {
         outbox: &mut Outbox,
     ) {
         let mut state = self.0.borrow_mut();
-        let Some(transmission) = state.answer(Framing::Rtu, pdu, frame) else { return };
+        let Some(transmission) = state.response(Framing::Rtu, pdu, frame) else { return };
         let mut begin = state.begin(transmission.late);
         if in_order {
             begin = begin.max(state.free + state.turnaround);
@@ -263,7 +263,7 @@ impl Device {
 
 impl State {
     /// What is sent as the response to `pdu`, if anything is.
-    fn answer(
+    fn response(
         &mut self,
         framing: Framing,
         pdu: &[u8],
@@ -274,8 +274,8 @@ impl State {
         if hits.contains(&Fault::Unheard) {
             return None;
         }
-        let answer = self.execute(pdu, false);
-        let transmission = self.faults.transmission(framing, self.unit, &hits, answer, frame)?;
+        let response = self.execute(pdu, false);
+        let transmission = self.faults.transmission(framing, self.unit, &hits, response, frame)?;
         // What comes in a hiccup does not prolong it.
         if let (Some(stall), true) = (transmission.hiccup, self.stalled_until <= Instant::now()) {
             self.stalled_until = Instant::now() + stall;
@@ -291,15 +291,15 @@ impl State {
     fn execute(&mut self, pdu: &[u8], broadcast: bool) -> Vec<u8> {
         let function = pdu[0];
         self.counters.requests[usize::from(function & 0x7f)] += 1;
-        if let Some(answer) = &self.script {
-            return answer.clone();
+        if let Some(response) = &self.script {
+            return response.clone();
         }
         match self.memory.execute(pdu) {
-            Ok(answer) => {
+            Ok(response) => {
                 if matches!(function, 5 | 6 | 15 | 16 | 22 | 23) {
                     self.writes.push(Executed { at: Instant::now(), broadcast, pdu: pdu.to_vec() });
                 }
-                answer
+                response
             }
             Err(exception) => vec![function | 0x80, exception],
         }

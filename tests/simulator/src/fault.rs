@@ -64,11 +64,11 @@ pub enum Fault {
 
 impl Fault {
     /// What a bad line does to responses.
-    pub const DAMAGED: [Self; 4] = [Self::BadCrc, Self::FlippedBit, Self::LostByte, Self::Truncated];
+    pub const CORRUPTING: [Self; 4] = [Self::BadCrc, Self::FlippedBit, Self::LostByte, Self::Truncated];
     /// Good frames that are no response to the request.
     pub const MISFITS: [Self; 2] = [Self::WrongFunction, Self::WrongLength];
 
-    /// One that makes answers late, without a bound: much or little, in the time-outs of most tests.
+    /// One that makes responses late, without a bound: much or little, in the time-outs of most tests.
     pub fn draw_late(random: &mut Random) -> Self {
         let mean = Duration::from_millis(random.within(10..=500));
         let stall = Self::Hiccup(Duration::from_millis(1), 5 * mean);
@@ -178,7 +178,7 @@ impl Faults {
         hits
     }
 
-    /// What `hits` make of `unit`'s `answer`. `frame` makes a frame of unit and PDU, and is told whether its transaction id is to
+    /// What `hits` make of `unit`'s `response`. `frame` makes a frame of unit and PDU, and is told whether its transaction id is to
     /// be wrong.
     pub(crate) fn transmission(
         &mut self,
@@ -205,7 +205,7 @@ impl Faults {
                     late += Duration::from_ticks((mean.as_ticks() as f64 * factor) as u64);
                 }
                 Fault::Hiccup(least, most) => hiccup = Some(self.between(least, most)),
-                _ => self.damage(framing, fault, &mut pieces),
+                _ => self.corrupt(framing, fault, &mut pieces),
             }
         }
         Some(Transmission { late, hiccup, pieces })
@@ -216,7 +216,7 @@ impl Faults {
     }
 
     /// Faults of the transmission: its bytes no longer are what was meant.
-    fn damage(&mut self, framing: Framing, fault: Fault, pieces: &mut Vec<Piece>) {
+    fn corrupt(&mut self, framing: Framing, fault: Fault, pieces: &mut Vec<Piece>) {
         let Some(Piece { what, .. }) = pieces.last_mut() else { return };
         match fault {
             Fault::Close => return *what = Sent::Close,

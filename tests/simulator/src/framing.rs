@@ -18,7 +18,7 @@ pub fn frame(framing: Framing, unit: u8, pdu: &[u8]) -> Vec<u8> {
     }
 }
 
-/// Unit and PDU of `frame`, when it is undamaged.
+/// Unit and PDU of `frame`, when it is intact.
 pub fn open(framing: Framing, frame: &[u8]) -> Option<(u8, Vec<u8>)> {
     match framing {
         Framing::Rtu => rtu::open(frame).map(|(unit, pdu)| (unit, pdu.to_vec())),

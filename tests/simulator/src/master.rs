@@ -4,7 +4,7 @@ use embassy_time::{Duration, with_timeout};
 use embedded_io_async::Write;
 use mobgate::settings::Framing;
 
-use crate::client::{Answer, Reply};
+use crate::client::{Reply, Response};
 use crate::framing::{self, Listener};
 use crate::timing;
 use crate::wire::{Heard, LineEnd};
@@ -30,16 +30,16 @@ impl Master {
         Self { patience, ..self }
     }
 
-    /// Asks `unit` and waits for what comes; a frame that is damaged is [`Answer::Wrong`] without a PDU.
-    pub async fn request(&mut self, unit: u8, pdu: &[u8]) -> Answer {
+    /// Asks `unit` and waits for what comes; a frame that is corrupt is [`Response::Wrong`] without a PDU.
+    pub async fn request(&mut self, unit: u8, pdu: &[u8]) -> Response {
         self.send(unit, pdu).await;
-        let Some(heard) = self.receive().await else { return Answer::Silence };
-        let (from, answer) = framing::open(self.framing, &heard.bytes).unwrap_or_default();
-        let fits = answer.first().map(|function| function & 0x7f) == pdu.first().copied();
+        let Some(heard) = self.receive().await else { return Response::Silence };
+        let (from, response) = framing::open(self.framing, &heard.bytes).unwrap_or_default();
+        let fits = response.first().map(|function| function & 0x7f) == pdu.first().copied();
         if from == unit && fits {
-            return Answer::Pdu(answer);
+            return Response::Pdu(response);
         }
-        Answer::Wrong(Reply { transaction: 0, protocol: 0, unit: from, pdu: answer })
+        Response::Wrong(Reply { transaction: 0, protocol: 0, unit: from, pdu: response })
     }
 
     /// Sends a request and is ready when it has left.

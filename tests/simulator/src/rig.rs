@@ -19,7 +19,7 @@ use mobgate::scanner::ScannerState;
 use mobgate::settings::{Framing, PORTS_MAX, PortId, PortKind, SerialSettings, Settings, Side};
 use mobgate::stats::Event;
 
-use crate::client::{Answer, Client};
+use crate::client::{Client, Response};
 use crate::device::tcp::{Stream, serve as serve_tcp};
 use crate::device::{Device, serve_in};
 use crate::master::Master;
@@ -261,8 +261,8 @@ impl<'g> Rig<'g> {
         Client::new(self.network.connect(from, port).expect("the gateway listens"))
     }
 
-    /// The answer to a request on a connection of its own to port 502.
-    pub fn ask(&self, world: &mut World<'_>, unit: u8, pdu: &[u8]) -> Answer {
+    /// The response to a request on a connection of its own to port 502.
+    pub fn ask(&self, world: &mut World<'_>, unit: u8, pdu: &[u8]) -> Response {
         let mut client = self.client(machine(1), 502);
         world.run_until(client.request(unit, pdu))
     }
@@ -291,7 +291,7 @@ pub const fn machine(host: u8) -> IpAddr {
 mod tests {
     use mobgate::stats::Event;
 
-    use super::{Answer, with_gateway};
+    use super::{Response, with_gateway};
     use crate::device::Device;
 
     const SETTINGS: &str = "port bus serial uart1 rtu client 9600 8E1
@@ -303,7 +303,7 @@ mod tests {
         with_gateway(1, SETTINGS, |world, rig| {
             let wire = rig.wire("uart1");
             world.spawn(Device::new(5).run(wire.tap(rig.end("uart1").line())));
-            assert_eq!(rig.ask(world, 5, &[3, 0, 7, 0, 1]), Answer::Pdu(vec![3, 2, 5, 7]));
+            assert_eq!(rig.ask(world, 5, &[3, 0, 7, 0, 1]), Response::Pdu(vec![3, 2, 5, 7]));
             assert_eq!(rig.counted("bus", Event::Response), 1);
             assert_eq!(wire.collisions(), 0);
         });

@@ -1,19 +1,19 @@
 //! A line on which the gateway and two other devices answer one master, whose questions are drawn from a seed.
 //!
-//! The bus obeys t3.5; everything else varies: who is asked, for what, how long everybody pauses, whether the others answer
-//! at all, and whether their responses come undamaged. Their registers hold whole requests for the gateway's units.
+//! The bus obeys t3.5; everything else varies: who is asked, for what, how long everybody pauses, whether the others respond
+//! at all, and whether their responses come intact. Their registers hold whole requests for the gateway's units.
 
 use embassy_time::{Duration, Timer};
 use mobgate::settings::Framing;
 
-use crate::client::Answer;
+use crate::client::Response;
 use crate::device::{Device, Memory, rtu};
 use crate::fault::{Fault, Faults, When};
 use crate::master::Master;
 use crate::random::Random;
 use crate::rig::{self, Size};
 
-/// Units that the gateway answers for, and what it calls them.
+/// Units that the gateway responds for, and what it calls them.
 const OURS: std::ops::RangeInclusive<u8> = 10..=12;
 /// Units of the other devices.
 const OTHERS: [u8; 2] = [1, 2];
@@ -104,14 +104,14 @@ async fn transaction(master: &mut Master, random: &mut Random, outcome: &mut Out
     };
     let request = draw_request(random);
     outcome.transactions += 1;
-    let answer = master.request(unit, &request).await;
+    let response = master.request(unit, &request).await;
     if OURS.contains(&unit) {
         let expected = Memory::new(unit).execute(&request);
-        let right = expected.is_ok_and(|expected| answer == Answer::Pdu(expected));
+        let right = expected.is_ok_and(|expected| response == Response::Pdu(expected));
         outcome.ours += 1;
         outcome.missed += u32::from(!right);
     } else {
-        outcome.spoilt += u32::from(!matches!(answer, Answer::Pdu(_)));
+        outcome.spoilt += u32::from(!matches!(response, Response::Pdu(_)));
     }
     // In RTU t3.5 of silence have told the response's end; often that is all the master waits. In ASCII it needs none.
     let pause_us = match random.index(4) {

@@ -3,7 +3,7 @@
 //! A byte written to a [`LineEnd`] waits in its transmitter, becomes a character with its place in time, and is heard
 //! when its last bit has passed. Times are kept in nanoseconds from the start of a run of characters, so that nothing
 //! is rounded twice; only the moment of hearing is rounded up to the clock's microsecond. Characters of
-//! two ends that overlap damage each other, and an end set to another speed or format hears garbage.
+//! two ends that overlap corrupt each other, and an end set to another speed or format hears garbage.
 
 use std::cell::RefCell;
 use std::collections::VecDeque;
@@ -42,7 +42,7 @@ struct Character {
     end_ns: u64,
     from: usize,
     byte: u8,
-    damaged: bool,
+    corrupt: bool,
     flaw: Option<Flaw>,
     /// Only the sender hears it: what a receiver with swapped wires makes of a line that falls idle.
     own: bool,
@@ -266,7 +266,7 @@ impl Bus {
             run.end_ns = run.start_ns + chars_ns(&line, run.characters);
             let flaw = flaw.filter(|_| at == bytes.len() / 2);
             let character =
-                Character { start_ns, end_ns: run.end_ns, from, byte, damaged: false, flaw, own: false };
+                Character { start_ns, end_ns: run.end_ns, from, byte, corrupt: false, flaw, own: false };
             record.add(&character, chars_ns(&line, 1));
             place(characters, record, character);
         }
@@ -274,7 +274,7 @@ impl Bus {
         if end.swapped {
             let (start_ns, end_ns) = (run.end_ns, run.end_ns + chars_ns(&line, 1));
             let flaw = Some(Flaw::Framing);
-            let idle = Character { start_ns, end_ns, from, byte: 0xff, damaged: false, flaw, own: true };
+            let idle = Character { start_ns, end_ns, from, byte: 0xff, corrupt: false, flaw, own: true };
             place(characters, record, idle);
         }
         self.drop_unread();
@@ -307,7 +307,7 @@ impl Bus {
             && sent_as.parity == line.parity
             && char_bits(sent_as) == char_bits(line)
             && sender.swapped == hearer.swapped;
-        if same && !character.damaged && character.flaw.is_none() {
+        if same && !character.corrupt && character.flaw.is_none() {
             return (character.byte, None);
         }
         let same_bits = sent_as.baud == line.baud && char_bits(sent_as) == char_bits(line);
@@ -336,7 +336,7 @@ impl End {
     }
 }
 
-/// Puts `character` among those on the wire, in the order in which they end, and damages what it overlaps.
+/// Puts `character` among those on the wire, in the order in which they end, and corrupts what it overlaps.
 fn place(characters: &mut VecDeque<Character>, record: &mut Record, mut character: Character) {
     let later = characters.iter().rev().take_while(|other| other.end_ns > character.start_ns);
     let overlapping = later.count();
@@ -349,9 +349,9 @@ fn place(characters: &mut VecDeque<Character>, record: &mut Record, mut characte
         }
         let on_wire = !other.own && !character.own;
         if on_wire && other.from != character.from && other.start_ns < character.end_ns {
-            record.collisions += u64::from(!other.damaged) + u64::from(!character.damaged);
-            other.damaged = true;
-            character.damaged = true;
+            record.collisions += u64::from(!other.corrupt) + u64::from(!character.corrupt);
+            other.corrupt = true;
+            character.corrupt = true;
         }
     }
     characters.insert(at, character);

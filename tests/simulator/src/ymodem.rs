@@ -1,4 +1,4 @@
-//! A sender of YMODEM, whose blocks may be lost, cut or damaged on their way.
+//! A sender of YMODEM, whose blocks may be lost, cut or corrupt on their way.
 
 use embassy_time::{Duration, with_timeout};
 use embedded_io_async::{Read, Write};
@@ -37,7 +37,7 @@ pub fn header(length: Option<usize>) -> Vec<u8> {
     header
 }
 
-/// How long it waits for an answer.
+/// How long it waits for a response.
 const PATIENCE: Duration = Duration::from_secs(10);
 /// How often it sends a block.
 const SENT_MAX: u32 = 12;
@@ -46,12 +46,12 @@ const SENT_MAX: u32 = 12;
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Weather {
     /// A bit of it changes.
-    pub damaged: f64,
+    pub corrupt: f64,
     /// It is lost as a whole.
     pub lost: f64,
     /// A byte of it is lost.
     pub cut: f64,
-    /// Its answer is lost, and it is sent again.
+    /// Its response is lost, and it is sent again.
     pub deaf: f64,
 }
 
@@ -60,7 +60,7 @@ pub struct Weather {
 pub enum NotSent {
     /// The receiver cancelled.
     Cancelled,
-    /// The receiver does not answer.
+    /// The receiver does not respond.
     Silent,
 }
 
@@ -160,12 +160,12 @@ impl<IO: Read + Write> Sender<IO> {
 
     async fn send_in_weather(&mut self, bytes: &[u8]) {
         let mut bytes = bytes.to_vec();
-        let Weather { damaged, lost, cut, .. } = self.weather;
+        let Weather { corrupt, lost, cut, .. } = self.weather;
         if self.random.chance(lost) {
             return;
         }
         // What has no check must not become something else.
-        if bytes.len() > 1 && self.random.chance(damaged) {
+        if bytes.len() > 1 && self.random.chance(corrupt) {
             let at = self.random.within(1..=bytes.len() as u64 - 1) as usize;
             bytes[at] ^= 1 << self.random.index(8);
         }

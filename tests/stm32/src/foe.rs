@@ -64,7 +64,7 @@ impl<'m, 'd> Writer<'m, 'd> {
         }
     }
 
-    /// Sends a message, and returns the operation, the number and the data of the answer.
+    /// Sends a message, and returns the operation, the number and the data of the response.
     async fn ask(&mut self, operation: u8, number: u32, data: &[u8]) -> Result<(u8, u32, Vec<u8>), Refusal> {
         self.counter = self.counter % 7 + 1;
         let length = (HEADERS_BYTES / 2 + data.len()) as u16;
@@ -78,12 +78,12 @@ impl<'m, 'd> Writer<'m, 'd> {
         while self.main_device.read(back.registers() + STATUS, 1).await?[0] & FULL == 0 {
             Timer::after(Duration::from_micros(200)).await;
         }
-        let answer =
+        let response =
             self.main_device.read(self.device.memory.start(back), self.device.default_bytes(back).into());
-        let answer = answer.await?;
-        let end = HEADERS_BYTES / 2 + usize::from(u16::from_le_bytes([answer[0], answer[1]]));
-        let number = u32::from_le_bytes([answer[8], answer[9], answer[10], answer[11]]);
-        Ok((answer[6], number, answer[HEADERS_BYTES..end].to_vec()))
+        let response = response.await?;
+        let end = HEADERS_BYTES / 2 + usize::from(u16::from_le_bytes([response[0], response[1]]));
+        let number = u32::from_le_bytes([response[8], response[9], response[10], response[11]]);
+        Ok((response[6], number, response[HEADERS_BYTES..end].to_vec()))
     }
 
     pub(crate) async fn reach(&mut self, state: AlState) -> Result<(), Refusal> {

@@ -44,7 +44,7 @@ pub(crate) enum Behind<'a> {
 pub(crate) struct Wired<'a> {
     pub(crate) device: &'a str,
     pub(crate) pace: Pace,
-    /// How long its units may take to answer.
+    /// How long its units may take to respond.
     pub(crate) timeout_ms: u32,
 }
 

@@ -105,7 +105,7 @@ pub(crate) fn refusals(_: Effort) {
 }
 
 /// Lets `run` run the program under what `tool` says, each client asking so often, and gives what `read` finds in its report, for each
-/// of as many answers as `run` says.
+/// of as many responses as `run` says.
 fn count(
     name: &str,
     counts: [usize; 2],
@@ -141,7 +141,7 @@ fn run_under(tool: &[String], device: Device, count: usize) -> usize {
     let loads = ask_while(&mut clients, &habits, |asked| asked < count);
     let sum = |of: fn(&Load) -> u64| loads.iter().map(of).sum::<u64>();
     let (refused, wrong, lost) = (sum(|load| load.refused), sum(|load| load.wrong), sum(|load| load.lost));
-    assert_eq!((wrong, lost), (0, 0), "each gets its own answer");
+    assert_eq!((wrong, lost), (0, 0), "each gets its own response");
     assert!(10 * refused <= (CLIENTS * count) as u64, "nearly all are answered: {refused} are not");
     program.signal(Signal::TERM);
     program.wait();

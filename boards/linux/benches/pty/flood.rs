@@ -65,7 +65,7 @@ pub(crate) const KINDS: [(&str, Kind); 8] = [
 struct Flood {
     on: Arc<AtomicBool>,
     over: Arc<AtomicBool>,
-    /// Answers, or connections.
+    /// Responses, or connections.
     refused: Arc<AtomicU64>,
     threads: Vec<JoinHandle<()>>,
 }
@@ -163,14 +163,14 @@ impl Crowd {
     }
 
     /// Keeps everybody's requests open while it is `on`, and counts the responses.
-    fn ask(&mut self, on: bool, answers: &AtomicU64) -> io::Result<()> {
+    fn ask(&mut self, on: bool, responses: &AtomicU64) -> io::Result<()> {
         let mut events = Vec::with_capacity(CONNECTIONS);
         let while_on_or_off = Timespec { tv_sec: 0, tv_nsec: 5_000_000 };
         let buffer = rustix::buffer::spare_capacity(&mut events);
         epoll::wait(&self.epoll, buffer, Some(&while_on_or_off))?;
         for event in events {
             if let Some(member) = self.members.get_mut(event.data.u64() as usize) {
-                answers.fetch_add(member.take_responses()?, Relaxed);
+                responses.fetch_add(member.take_responses()?, Relaxed);
             }
         }
         if on {
@@ -199,7 +199,7 @@ impl Member {
             Err(error) if error.kind() == ErrorKind::WouldBlock => {}
             Err(error) => return Err(error),
         }
-        let mut answers = 0;
+        let mut responses = 0;
         while let Some(&[high, low]) = self.input.get(4..6) {
             let length = 6 + usize::from(u16::from_be_bytes([high, low]));
             if self.input.len() < length {
@@ -207,9 +207,9 @@ impl Member {
             }
             self.input.drain(..length);
             self.open -= 1;
-            answers += 1;
+            responses += 1;
         }
-        Ok(answers)
+        Ok(responses)
     }
 }
 
@@ -232,7 +232,7 @@ struct Second {
     refused: f64,
 }
 
-/// Of a gateway with a line whose units answer or not within `timeout`, and one with a unit 30 that never answers. `{port}` is the TCP
+/// Of a gateway with a line whose units respond or not within `timeout`, and one with a unit 30 that never responds. `{port}` is the TCP
 /// server's.
 pub(crate) fn settings(line: &Line, silent: &Line, baud: u32, timeout: &str) -> String {
     format!(

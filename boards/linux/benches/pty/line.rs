@@ -34,8 +34,8 @@ pub(crate) fn request(address: u16) -> [u8; 5] {
     [3, high, low, 0, REGISTERS as u8]
 }
 
-/// What every unit answers to that. Each register holds its own address, so that a wrong response is seen.
-pub(crate) fn answer(address: u16) -> Vec<u8> {
+/// What every unit responds to that. Each register holds its own address, so that a wrong response is seen.
+pub(crate) fn response_to(address: u16) -> Vec<u8> {
     if address >= NO_SUCH_ADDRESS {
         return vec![0x83, 2];
     }
@@ -89,7 +89,7 @@ pub(crate) struct Device {
     pub(crate) pace: Pace,
     /// Requests that do not keep the silence before them are not answered.
     pub(crate) strict: bool,
-    /// This unit never answers.
+    /// This unit never responds.
     pub(crate) dead: Option<u8>,
 }
 
@@ -170,7 +170,7 @@ impl Far {
             return Ok(());
         }
         let mut frame = [0; rtu::FRAME_BYTES_MAX];
-        let pdu = answer(u16::from_be_bytes([*high, *low]));
+        let pdu = response_to(u16::from_be_bytes([*high, *low]));
         // The buffer has room for the longest PDU.
         self.send(
             self.busy_until + pace.silence + pace.turnaround,

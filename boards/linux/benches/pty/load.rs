@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use mobgate::modbus::rtu;
 use serial2::SerialPort;
 
-use crate::line::{NO_SUCH_ADDRESS, Pace, answer, request, sleep_until};
+use crate::line::{NO_SUCH_ADDRESS, Pace, request, response_to, sleep_until};
 
 /// No gateway has a reason to take longer.
 const PATIENCE: Duration = Duration::from_secs(5);
@@ -46,7 +46,7 @@ pub(crate) struct Load {
     pub(crate) times: Vec<Duration>,
     /// When the last of them ended.
     pub(crate) last: Option<Instant>,
-    /// Answers by the gateway's own exceptions, or for something else.
+    /// Responses by the gateway's own exceptions, or for something else.
     pub(crate) refused: u64,
     pub(crate) wrong: u64,
     /// No response in time, or a closed connection.
@@ -98,7 +98,7 @@ impl Client {
         for _ in (0..).take_while(|count| more(*count)) {
             let asked = Instant::now();
             match self.ask(habit.unit, address) {
-                Ok(pdu) if pdu == answer(address) => load.note(asked),
+                Ok(pdu) if pdu == response_to(address) => load.note(asked),
                 Ok(pdu) if pdu.len() == 2 => load.refused += 1,
                 Ok(_) => load.wrong += 1,
                 Err(_) => {
@@ -163,7 +163,7 @@ pub(crate) fn ask_directly(line: &mut SerialPort, pace: Pace, habit: Habit, unti
     let mut address = habit.address;
     while Instant::now() < until {
         let asked = Instant::now();
-        let expected = answer(address);
+        let expected = response_to(address);
         let response = &mut response[..expected.len() + 3];
         line.write_all(rtu::encode(habit.unit, &request(address), &mut frame).unwrap()).unwrap();
         line.read_exact(response).unwrap();

@@ -4,7 +4,7 @@ use std::io::{self, Read, Write};
 use std::net::{Ipv4Addr, TcpListener, TcpStream};
 use std::thread;
 
-use crate::line::answer;
+use crate::line::response_to;
 
 /// MBAP header and FC 3.
 const REQUEST_BYTES: usize = 7 + 5;
@@ -26,7 +26,7 @@ fn serve(mut stream: TcpStream) -> io::Result<()> {
     loop {
         let mut request = [0; REQUEST_BYTES];
         stream.read_exact(&mut request)?;
-        let pdu = answer(u16::from_be_bytes([request[8], request[9]]));
+        let pdu = response_to(u16::from_be_bytes([request[8], request[9]]));
         let head = [request[0], request[1], 0, 0, 0, 1 + pdu.len() as u8, request[6]];
         stream.write_all(&[&head[..], &pdu].concat())?;
     }

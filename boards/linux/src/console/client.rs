@@ -1,7 +1,7 @@
 //! `mobgate console`: joins the console of a gateway running on this machine.
 //!
 //! At a terminal the gateway's line editor gets each key and draws the output, so the terminal is raw until the end, even if a
-//! signal ends the program. Otherwise lines are sent, from the command line or standard input, and only the answers are printed.
+//! signal ends the program. Otherwise lines are sent, from the command line or standard input, and only the responses are printed.
 
 use std::io::{self, IsTerminal, Read as _, Write as _, stdin, stdout};
 use std::net::Shutdown;

@@ -21,7 +21,7 @@ const PATIENCE: Duration = Duration::from_millis(500);
 
 const NO_NAME: OpenError = OpenError::new(
     OpenErrorKind::NotFound,
-    "the name is not known: is it right, and does the name server answer?",
+    "the name is not known: is it right, and does the name server respond?",
 );
 
 /// Opens outgoing connections.

@@ -63,7 +63,7 @@ fn read(path: &str) -> Result<Vec<u8>, Fault> {
 fn objects<T: PemObject>(path: &str, none: &'static str) -> Result<Vec<T>, Fault> {
     let fault = |reason| Fault::File(path.to_owned(), reason);
     let found: Result<Vec<T>, _> = T::pem_slice_iter(&read(path)?).collect();
-    let found = found.map_err(|_| fault("it is not PEM, or damaged"))?;
+    let found = found.map_err(|_| fault("it is not PEM, or corrupt"))?;
     if found.is_empty() { Err(fault(none)) } else { Ok(found) }
 }
 

@@ -81,7 +81,7 @@ impl Session {
                 break;
             }
         }
-        // Answers of TLS itself.
+        // Responses of TLS itself.
         self.flush(io).await?;
         Ok(count)
     }

@@ -37,7 +37,7 @@ fn look(certificate: &Certificate, now: SystemTime) -> Result<(Facts, String), F
         Purpose::Own => files::own(certificate)?.0,
         Purpose::Clients | Purpose::Servers => files::certificates(certificate)?,
     };
-    let read = |one: &CertificateDer<'_>| facts(one).ok_or(Fault::File(file(), "it is damaged"));
+    let read = |one: &CertificateDer<'_>| facts(one).ok_or(Fault::File(file(), "it is corrupt"));
     let all = chain.iter().map(read).collect::<Result<Vec<_>, _>>()?;
     let first = all.into_iter().min_by_key(|facts| facts.not_after).ok_or(Fault::Absent)?;
     let lists = match certificate.purpose {

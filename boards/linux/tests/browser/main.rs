@@ -19,7 +19,7 @@ use common::{Program, USER, free_port};
 /// The devices: register 7 of the first holds 256 + 7.
 const UNITS: [u8; 3] = [1, 2, 3];
 
-/// Answers as the devices until the line hangs up. A frame ends where its check is right: the gateway sends one at a time.
+/// Responds as the devices until the line hangs up. A frame ends where its check is right: the gateway sends one at a time.
 fn serve(line: SerialPort) {
     thread::spawn(move || {
         let mut memories = UNITS.map(Memory::new);

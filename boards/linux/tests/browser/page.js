@@ -199,7 +199,7 @@ async function more(context) {
   const page = await open(context);
   await page.goto(base);
   await page.getByRole("navigation").waitFor();
-  const answers = await page.evaluate(async () => {
+  const responses = await page.evaluate(async () => {
     const line = (await (await fetch("/api/v1/status")).json()).ports.find((port) => port.role === "rtu client").port;
     const call = async (path, kind, body) => (await fetch(`/api/v1/${path}`, { method: "POST", headers: { "Content-Type": kind }, body })).status;
     return [
@@ -208,7 +208,7 @@ async function more(context) {
       await call("ping", "application/json", JSON.stringify({ port: line, unit: 77 })),
     ];
   });
-  expect(`a fieldbus and a silent unit: ${answers}`, answers[0] === 200 && answers[1] === 204);
+  expect(`a fieldbus and a silent unit: ${responses}`, responses[0] === 200 && responses[1] === 204);
   await page.close();
 }
 

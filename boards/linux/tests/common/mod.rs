@@ -209,20 +209,20 @@ pub(crate) fn ask(stream: &mut TcpStream, unit: u8, pdu: &[u8]) -> Vec<u8> {
     let mut head = [0; 7];
     stream.read_exact(&mut head).unwrap();
     assert_eq!((head[1], head[6]), (1, unit), "transaction and unit come back");
-    let mut answer = vec![0; usize::from(u16::from_be_bytes([head[4], head[5]])) - 1];
-    stream.read_exact(&mut answer).unwrap();
-    answer
+    let mut response = vec![0; usize::from(u16::from_be_bytes([head[4], head[5]])) - 1];
+    stream.read_exact(&mut response).unwrap();
+    response
 }
 
 /// The line of an engineer whose password is `let me in`.
 pub(crate) const USER: &str = "user anna role engineer password \
     \"$argon2id$v=19$m=8,t=1,p=1$MDEyMzQ1Njc4OWFiY2RlZg$MbnuQj2xrGASZb+GaVRPOkBaCDUjNErQQKePN3mCUfA\"\n";
 
-/// Types `line`, and reads until `answer` has come.
-pub(crate) fn converse(session: &mut (impl Read + Write), line: &str, answer: &str) -> String {
+/// Types `line`, and reads until `response` has come.
+pub(crate) fn converse(session: &mut (impl Read + Write), line: &str, response: &str) -> String {
     session.write_all(line.as_bytes()).unwrap();
     let mut heard = String::new();
-    while !heard.contains(answer) {
+    while !heard.contains(response) {
         let mut piece = [0; 512];
         let count = session.read(&mut piece).unwrap_or_else(|error| panic!("{error} after {heard:?}"));
         assert!(count > 0, "the session ended after {heard:?}");

@@ -84,9 +84,9 @@ impl Terminal {
             && modes.special_codes[SpecialCodeIndex::VINTR] == CTRL_C
     }
 
-    /// Types `keys`, and reads until `answer` has come.
-    pub(crate) fn type_in(&mut self, keys: &str, answer: &str) -> String {
-        converse(&mut self.keyboard, keys, answer)
+    /// Types `keys`, and reads until `response` has come.
+    pub(crate) fn type_in(&mut self, keys: &str, response: &str) -> String {
+        converse(&mut self.keyboard, keys, response)
     }
 }
 

@@ -77,7 +77,7 @@ def others(client, to, framing: str) -> None:
     information = good(client.read_device_information(read_code=1, object_id=0, **to)).information
     assert information == {0: b"peer", 1: b"P1", 2: b"1.2"}, information
     if framing != "rtu":
-        # pymodbus 3.16 does not find the end of this answer in RTU: its own frame of it is no frame to it.
+        # pymodbus 3.16 does not find the end of this response in RTU: its own frame of it is no frame to it.
         assert good(client.read_fifo_queue(address=0, **to)).values == [0, 1, 2, 3]
     # The record that the server has for every one that it is asked for, of ten registers.
     wanted = FileRecord(file_number=4, record_number=1, record_length=20)

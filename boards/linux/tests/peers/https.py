@@ -44,7 +44,7 @@ def main() -> None:
     print("log-out:", call(port, context, "DELETE", "/api/v1/session", {"Cookie": cookie, "Origin": origin}).status)
     with socket.create_connection(("127.0.0.1", port), timeout=10) as plain:
         plain.sendall(b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
-        print("cleartext:", "HTTP" if b"HTTP" in plain.recv(100) else "no answer")
+        print("cleartext:", "HTTP" if b"HTTP" in plain.recv(100) else "no response")
 
 
 main()

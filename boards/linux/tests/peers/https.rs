@@ -24,7 +24,7 @@ fn a_client_by_https_checks_the_gateway_and_shows_its_own_certificate_where_the_
     assert!(said.contains("logged in: HttpOnly; SameSite=Strict; Path=/; Secure"), "{said}");
     // Of a page in cleartext, and without TLS at all.
     assert!(said.contains("other origin: 403") && said.contains("status: 200"), "{said}");
-    assert!(said.contains("cleartext: no answer"), "{said}");
+    assert!(said.contains("cleartext: no response"), "{said}");
     converse(&mut program.session(), "edit port web trust plant\nshow config\n", "trust plant");
     let (good, said) = call("none");
     assert!(!good && said.to_lowercase().contains("certificate required"), "{said}");

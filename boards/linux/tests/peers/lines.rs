@@ -23,7 +23,7 @@ pub(crate) struct Line {
 
 /// An interpreter beside other tests on a busy machine may be slow.
 const PYTHON_TIMEOUT: &str = "5s";
-/// Short, because tests wait for units that do not answer.
+/// Short, because tests wait for units that do not respond.
 const RUST_TIMEOUT: &str = "1s";
 
 impl Line {

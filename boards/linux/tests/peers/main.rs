@@ -1,5 +1,5 @@
 //! The real program between Modbus software by others: `mbpoll`, pymodbus, tokio-modbus and modbus-serial ask by TCP,
-//! modbus-serial also by RTU; OpenSSL, pymodbus and pysunspec2 ask by TLS; pymodbus, rmodbus and tokio-modbus answer by RTU on PTYs that `socat` joins, modbus-serial by TCP.
+//! modbus-serial also by RTU; OpenSSL, pymodbus and pysunspec2 ask by TLS; pymodbus, rmodbus and tokio-modbus respond by RTU on PTYs that `socat` joins, modbus-serial by TCP.
 //! jsonschema-rs holds settings as JSON against their schema; Python's HTTPS client uses the web interface, promtool and prometheus-client
 //! read its metrics.
 //!

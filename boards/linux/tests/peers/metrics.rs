@@ -11,7 +11,7 @@ const READ: [u8; 5] = [3, 0, 0, 0, 1];
 
 #[test]
 fn promtool_has_no_complaint_and_a_client_library_reads_every_counter_with_port_and_unit() {
-    let (port, (_never_answers, silent)) = (free_port(), listening());
+    let (port, (_never_responds, silent)) = (free_port(), listening());
     let program = with_console(&format!(
         "{USER}mdns off\nport web http server 127.0.0.1:{port}\nport P502 tcp server 127.0.0.1:{{port}}\n\
          port slow tcp client 127.0.0.1:{silent} timeout 100ms\nroute P502 1 * * local\nroute P502 7 * * slow\n"

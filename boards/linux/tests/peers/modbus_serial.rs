@@ -1,4 +1,4 @@
-//! npm's modbus-serial asks by every framing that it has in common with the gateway, and answers by Modbus TCP.
+//! npm's modbus-serial asks by every framing that it has in common with the gateway, and responds by Modbus TCP.
 
 use crate::common::{Program, free_port};
 use crate::lines::{Line, first_input, modbus_serial, pymodbus};
@@ -36,7 +36,7 @@ fn modbus_serial_asks_by_tcp_by_rtu_over_tcp_and_by_rtu_on_a_line() {
 }
 
 #[test]
-fn modbus_serial_answers_by_tcp() {
+fn modbus_serial_responds_by_tcp() {
     let server_port = free_port();
     let _server = modbus_serial(server_port, 7);
     let program = Program::configured(&format!(

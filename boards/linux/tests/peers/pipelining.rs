@@ -1,4 +1,4 @@
-//! Requests that a client sends without waiting, and units that do not answer, with servers by others on the lines.
+//! Requests that a client sends without waiting, and units that do not respond, with servers by others on the lines.
 
 use std::io::{Read, Write};
 use std::net::TcpStream;
@@ -8,11 +8,11 @@ use std::time::{Duration, Instant};
 use crate::common::ask;
 use crate::lines::{Line, first_input, program};
 
-const NO_ANSWER: [u8; 2] = [0x84, 0x0b];
+const NO_RESPONSE: [u8; 2] = [0x84, 0x0b];
 /// Input register 5, alone.
 const READ: [u8; 5] = [4, 0, 5, 0, 1];
 
-fn answer(unit: u8) -> [u8; 4] {
+fn response(unit: u8) -> [u8; 4] {
     let [high, low] = (first_input(unit) + 5).to_be_bytes();
     [4, 2, high, low]
 }
@@ -27,7 +27,7 @@ fn receive(stream: &mut TcpStream) -> (u16, u8, Vec<u8>) {
 }
 
 #[test]
-fn sixteen_requests_in_one_segment_to_two_lines_all_get_their_own_answers() {
+fn sixteen_requests_in_one_segment_to_two_lines_all_get_their_own_responses() {
     let lines = [Line::with_pymodbus(&[1, 2, 3]), Line::with_rmodbus(9)];
     let program = program(
         &lines,
@@ -46,7 +46,7 @@ route P502 1-3 * * P1
         let mut received: Vec<_> = sent.iter().map(|_| receive(&mut stream)).collect();
         received.sort();
         let expected: Vec<_> =
-            sent.iter().map(|&(transaction, unit)| (transaction, unit, answer(unit).to_vec())).collect();
+            sent.iter().map(|&(transaction, unit)| (transaction, unit, response(unit).to_vec())).collect();
         assert_eq!(received, expected);
     }
 }
@@ -59,24 +59,24 @@ fn a_living_unit_answers_beside_a_dead_one_that_another_client_keeps_asking() {
     let dead = thread::spawn(move || {
         // Three time-outs in a row, and the unit is down: from then on it is refused at once.
         for _ in 0..3 {
-            assert_eq!(ask(&mut impatient, 77, &READ), NO_ANSWER);
+            assert_eq!(ask(&mut impatient, 77, &READ), NO_RESPONSE);
         }
         // The shortest: between them the unit is probed, and the machine may be busy.
         let refused = (0..5).map(|_| {
             let asked = Instant::now();
-            assert_eq!(ask(&mut impatient, 77, &READ), NO_ANSWER);
+            assert_eq!(ask(&mut impatient, 77, &READ), NO_RESPONSE);
             asked.elapsed()
         });
         refused.min().unwrap()
     });
     let mut client = program.connect();
-    let mut answers = 0;
+    let mut responses = 0;
     while !dead.is_finished() {
-        assert_eq!(ask(&mut client, 9, &READ), answer(9));
-        answers += 1;
+        assert_eq!(ask(&mut client, 9, &READ), response(9));
+        responses += 1;
     }
     let took = dead.join().unwrap();
     assert!(took < Duration::from_millis(250), "a unit that is down was refused after {took:?}");
     // One behind each time-out. While the dead unit is refused at once, their number is up to the machine.
-    assert!(answers >= 3, "{answers} answers of the living unit");
+    assert!(responses >= 3, "{responses} responses of the living unit");
 }

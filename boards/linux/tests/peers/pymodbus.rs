@@ -1,4 +1,4 @@
-//! pymodbus asks and pymodbus answers: the peers that know every public function code.
+//! pymodbus asks and pymodbus responds: the peers that know every public function code.
 
 use std::thread;
 

@@ -12,7 +12,7 @@ use serial2::SerialPort;
 use crate::common::PATIENCE;
 use crate::lines::first_input;
 
-/// Answers as `unit` at `device` until the line hangs up.
+/// Responds as `unit` at `device` until the line hangs up.
 pub(crate) fn start(device: &Path, unit: u8) {
     let mut line = SerialPort::open(device, 115_200).unwrap();
     line.set_read_timeout(PATIENCE).unwrap();
@@ -21,7 +21,7 @@ pub(crate) fn start(device: &Path, unit: u8) {
     storage.discretes = from_fn(|address| address % 3 == 0);
     thread::spawn(move || {
         while let Some(request) = read_request(&mut line) {
-            let response = answer(unit, &request, &mut storage);
+            let response = respond(unit, &request, &mut storage);
             if line.write_all(&response).is_err() {
                 return;
             }
@@ -43,7 +43,7 @@ fn read_request(line: &mut SerialPort) -> Option<Vec<u8>> {
     }
 }
 
-fn answer(unit: u8, request: &[u8], storage: &mut ModbusStorageSmall) -> Vec<u8> {
+fn respond(unit: u8, request: &[u8], storage: &mut ModbusStorageSmall) -> Vec<u8> {
     let mut response = Vec::new();
     let mut frame = ModbusFrame::new(unit, request, ModbusProto::Rtu, &mut response);
     frame.parse().unwrap();

@@ -1,4 +1,4 @@
-//! tokio-modbus asks; rmodbus and tokio-modbus answer.
+//! tokio-modbus asks; rmodbus and tokio-modbus respond.
 
 use std::net::{Ipv4Addr, SocketAddr};
 

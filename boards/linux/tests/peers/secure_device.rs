@@ -56,7 +56,7 @@ impl Device {
     }
 }
 
-/// Answers until the stream ends.
+/// Responds until the stream ends.
 pub(crate) fn serve(mut stream: impl Read + Write, written: &Mutex<Vec<(u16, u16)>>) -> Option<()> {
     loop {
         let mut head = [0; 7];

@@ -15,7 +15,7 @@ pub(crate) const SERVER_ID: u8 = 0x42;
 pub(crate) const SERVER_NAME: &[u8] = b"tokio-modbus";
 const REGISTERS: usize = 100;
 
-/// Answers as `unit` at `device` until the line hangs up.
+/// Responds as `unit` at `device` until the line hangs up.
 pub(crate) fn start(device: &Path, unit: u8) {
     let device = device.to_owned();
     let (ready, started) = sync_channel(1);
@@ -36,21 +36,21 @@ struct Device {
     holding: Mutex<[u16; REGISTERS]>,
 }
 
-type Answer = Result<Option<Response>, ExceptionCode>;
+type Outcome = Result<Option<Response>, ExceptionCode>;
 
 impl Service for Device {
     type Request = SlaveRequest<'static>;
     type Response = Option<Response>;
     type Exception = ExceptionCode;
-    type Future = Ready<Answer>;
+    type Future = Ready<Outcome>;
 
     fn call(&self, asked: SlaveRequest<'static>) -> Self::Future {
-        ready(if asked.slave == self.unit { self.answer(asked.request).map(Some) } else { Ok(None) })
+        ready(if asked.slave == self.unit { self.respond(asked.request).map(Some) } else { Ok(None) })
     }
 }
 
 impl Device {
-    fn answer(&self, request: Request<'_>) -> Result<Response, ExceptionCode> {
+    fn respond(&self, request: Request<'_>) -> Result<Response, ExceptionCode> {
         let mut holding = self.holding.lock().unwrap();
         Ok(match request {
             Request::ReadInputRegisters(first, count) => Response::ReadInputRegisters(

@@ -354,7 +354,8 @@ fn metrics_need_a_log_in_until_the_port_says_otherwise_and_the_dashboard_uses_th
     }
     // Its events are those of the counters.
     let known = |event: &str| text.contains(&format!("event=\"{event}\""));
-    let events = "requests answers queue-full refused no-path expired unit-down unwelcome crowded line-lost";
+    let events =
+        "requests responses queue-full refused no-path expired unit-down unwelcome crowded line-lost";
     for event in events.split(' ') {
         assert!(dashboard.contains(event) && known(event), "{event}");
     }

@@ -53,7 +53,7 @@ impl Cable {
         self.far_is_busy.set(true);
     }
 
-    /// A SYN for the far end, behind the next packet. Who sends it never answers.
+    /// A SYN for the far end, behind the next packet. Who sends it never responds.
     pub(crate) fn forge(&self, from: Ipv4Address, from_port: u16, port: u16) {
         self.forged.borrow_mut().push_back(syn(from, from_port, port));
     }

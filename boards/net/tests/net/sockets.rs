@@ -44,24 +44,24 @@ fn what_one_side_writes_the_other_reads() {
         let mut heard = [0; 8];
         client.write_all(b"ask").await.unwrap();
         assert_eq!(server.read(&mut heard).await.unwrap(), 3);
-        server.write_all(b"answer").await.unwrap();
-        assert_eq!(client.read(&mut heard).await.unwrap(), 6);
-        assert_eq!(&heard[..6], b"answer");
+        server.write_all(b"response").await.unwrap();
+        assert_eq!(client.read(&mut heard).await.unwrap(), 8);
+        assert_eq!(&heard, b"response");
     });
 }
 
 #[test]
-fn small_answers_in_a_row_wait_for_no_acknowledgement() {
+fn small_responses_in_a_row_wait_for_no_acknowledgement() {
     let mut world = World::new(1);
     let (near, far, _) = wired(&world, 1, 1);
     world.run_until(async {
         let (mut client, mut server) = connected(near, far).await;
         let start = Instant::now();
         for _ in 0..3 {
-            server.write_all(b"answer").await.unwrap();
+            server.write_all(b"response").await.unwrap();
             Timer::after_micros(10).await;
         }
-        client.read_exact(&mut [0; 18]).await.unwrap();
+        client.read_exact(&mut [0; 24]).await.unwrap();
         // The peer acknowledges after 10 ms.
         assert!(start.elapsed() < Duration::from_millis(2), "{}", start.elapsed());
     });

@@ -124,7 +124,7 @@ fn an_interactive_session_edits_and_is_as_wide_as_the_terminal() {
     type_in("", "mobgate> ");
     let wide = type_in("help\r", "mobgate> ");
     rustix::termios::tcsetwinsize(&end, size(60)).unwrap();
-    // The client is told by a signal, which no answer follows.
+    // The client is told by a signal, which no response follows.
     wait_for("the new width", || {
         let narrow = type_in("help\r", "mobgate> ");
         (narrow.lines().count() > wide.lines().count()).then_some(())

@@ -88,7 +88,7 @@ impl Device {
         ready | u32::from(self.chip.borrow_mut().interrupt(at))
     }
 
-    fn answers(&self, at: Nanos) -> bool {
+    fn responds(&self, at: Nanos) -> bool {
         at >= self.reset_at + self.timing.test_nanos
     }
 
@@ -111,7 +111,7 @@ impl Device {
     /// Reads a register. During reset the bus floats.
     pub(super) fn read_register(&mut self, address: u16, at: Nanos) -> u32 {
         self.run(at);
-        if !self.answers(at) {
+        if !self.responds(at) {
             return u32::MAX;
         }
         match address {
@@ -143,7 +143,7 @@ impl Device {
     /// Writes a register; ignored during reset.
     pub(super) fn write_register(&mut self, address: u16, value: u32, at: Nanos) {
         self.run(at);
-        if !self.answers(at) {
+        if !self.responds(at) {
             return;
         }
         let outcome = match address {

@@ -128,9 +128,9 @@ fn statement_42_both_sides_see_whole_images_only_in_any_timing() {
         let mut seen = 0;
         for number in 0..FRAMES {
             let sent = [image(number), image(u32::MAX)].concat();
-            let answer = segment.send_logical(Command::Lrw, 0, &sent);
-            assert_eq!(answer.counter, 3);
-            let fetched = number_of(&answer.data[120..]).expect("one image");
+            let response = segment.send_logical(Command::Lrw, 0, &sent);
+            assert_eq!(response.counter, 3);
+            let fetched = number_of(&response.data[120..]).expect("one image");
             assert!(fetched >= seen && fetched != u32::MAX, "never back to an older one");
             seen = fetched;
             Timer::after_micros(pauses.within(1..=60)).await;

@@ -1,7 +1,7 @@
 //! The fifteen commands: who takes part, what comes back, what is counted.
 
 use ethercat_esc::frame::Builder;
-use ethercat_esc::{Answer, Command};
+use ethercat_esc::{Command, Response};
 
 use ethercat_esc::samples::{FMMUS, MANAGERS};
 
@@ -11,55 +11,55 @@ use crate::in_line;
 const USER: u16 = 0x0F80;
 
 /// Three devices whose byte at [`USER`] is 1, 2, 4; then one datagram. What it brought back, and the bytes afterwards.
-fn with_three(command: Command, device: u16, offset: u16, data: &[u8]) -> (Answer, [u8; 3]) {
+fn with_three(command: Command, device: u16, offset: u16, data: &[u8]) -> (Response, [u8; 3]) {
     let (_world, mut segment) = in_line(3);
     for nth in 0..3 {
         segment.poke(nth, USER, &[1 << nth]);
     }
-    let answer = segment.send(command, device, offset, data);
+    let response = segment.send(command, device, offset, data);
     let after = [0, 1, 2].map(|nth| segment.fetch(nth, USER, 1).unwrap()[0]);
-    (answer, after)
+    (response, after)
 }
 
-fn answer(data: u8, counter: u16, device: u16) -> Answer {
-    Answer { data: vec![data], counter, interrupts: 0, device }
+fn response(data: u8, counter: u16, device: u16) -> Response {
+    Response { data: vec![data], counter, interrupts: 0, device }
 }
 
 #[test]
 fn nop_leaves_everything_as_it_is() {
-    assert_eq!(with_three(Command::Nop, 0, USER, &[0x50]), (answer(0x50, 0, 0), [1, 2, 4]));
+    assert_eq!(with_three(Command::Nop, 0, USER, &[0x50]), (response(0x50, 0, 0), [1, 2, 4]));
 }
 
 #[test]
 fn position_commands_reach_the_device_that_sees_zero_and_are_counted_up_by_all() {
     let second = 0xFFFF;
-    assert_eq!(with_three(Command::Aprd, second, USER, &[0x50]), (answer(2, 1, 2), [1, 2, 4]));
-    assert_eq!(with_three(Command::Apwr, second, USER, &[0x50]), (answer(0x50, 1, 2), [1, 0x50, 4]));
-    assert_eq!(with_three(Command::Aprw, second, USER, &[0x50]), (answer(2, 3, 2), [1, 0x50, 4]));
+    assert_eq!(with_three(Command::Aprd, second, USER, &[0x50]), (response(2, 1, 2), [1, 2, 4]));
+    assert_eq!(with_three(Command::Apwr, second, USER, &[0x50]), (response(0x50, 1, 2), [1, 0x50, 4]));
+    assert_eq!(with_three(Command::Aprw, second, USER, &[0x50]), (response(2, 3, 2), [1, 0x50, 4]));
 }
 
 #[test]
 fn station_commands_reach_the_device_of_that_address() {
     let third = 0x1003;
-    assert_eq!(with_three(Command::Fprd, third, USER, &[0x50]), (answer(4, 1, third), [1, 2, 4]));
-    assert_eq!(with_three(Command::Fpwr, third, USER, &[0x50]), (answer(0x50, 1, third), [1, 2, 0x50]));
-    assert_eq!(with_three(Command::Fprw, third, USER, &[0x50]), (answer(4, 3, third), [1, 2, 0x50]));
-    assert_eq!(with_three(Command::Fprd, 0x1004, USER, &[0x50]), (answer(0x50, 0, 0x1004), [1, 2, 4]));
+    assert_eq!(with_three(Command::Fprd, third, USER, &[0x50]), (response(4, 1, third), [1, 2, 4]));
+    assert_eq!(with_three(Command::Fpwr, third, USER, &[0x50]), (response(0x50, 1, third), [1, 2, 0x50]));
+    assert_eq!(with_three(Command::Fprw, third, USER, &[0x50]), (response(4, 3, third), [1, 2, 0x50]));
+    assert_eq!(with_three(Command::Fprd, 0x1004, USER, &[0x50]), (response(0x50, 0, 0x1004), [1, 2, 4]));
 }
 
 #[test]
 fn broadcasts_reach_everybody_and_or_what_they_read() {
-    assert_eq!(with_three(Command::Brd, 0, USER, &[0x50]), (answer(0x57, 3, 3), [1, 2, 4]));
-    assert_eq!(with_three(Command::Bwr, 0, USER, &[0x50]), (answer(0x50, 3, 3), [0x50; 3]));
+    assert_eq!(with_three(Command::Brd, 0, USER, &[0x50]), (response(0x57, 3, 3), [1, 2, 4]));
+    assert_eq!(with_three(Command::Bwr, 0, USER, &[0x50]), (response(0x50, 3, 3), [0x50; 3]));
     // A read-write datagram takes what came in from the device before: each device writes what it was sent.
-    assert_eq!(with_three(Command::Brw, 0, USER, &[0x50]), (answer(0x57, 9, 3), [0x50, 0x51, 0x53]));
+    assert_eq!(with_three(Command::Brw, 0, USER, &[0x50]), (response(0x57, 9, 3), [0x50, 0x51, 0x53]));
 }
 
 #[test]
 fn read_multiple_write_reads_from_one_and_writes_to_all_others() {
-    assert_eq!(with_three(Command::Armw, 0, USER, &[0x50]), (answer(1, 3, 3), [1; 3]));
+    assert_eq!(with_three(Command::Armw, 0, USER, &[0x50]), (response(1, 3, 3), [1; 3]));
     let second = 0x1002;
-    assert_eq!(with_three(Command::Frmw, second, USER, &[0x50]), (answer(2, 3, second), [0x50, 2, 2]));
+    assert_eq!(with_three(Command::Frmw, second, USER, &[0x50]), (response(2, 3, second), [0x50, 2, 2]));
 }
 
 #[test]
@@ -71,9 +71,9 @@ fn logical_commands_count_as_the_table_of_working_counters_says() {
     let chip = segment.chip(0);
     chip.borrow_mut().write(0, 0x1400, &inputs);
     let mut expect = |command, counter, first: u8, inputs: u8| {
-        let answer = segment.send_logical(command, 0, &[9; 240]);
+        let response = segment.send_logical(command, 0, &[9; 240]);
         assert_eq!(
-            (answer.counter, answer.data[0], answer.data[120]),
+            (response.counter, response.data[0], response.data[120]),
             (counter, first, inputs),
             "{command:?}"
         );
@@ -96,10 +96,10 @@ fn a_protected_access_counts_nothing_and_leaves_the_data() {
     let (_world, mut segment) = in_line(1);
     assert_eq!(segment.poke(0, 0x0130, &[8]), 0, "AL status belongs to the processor");
     segment.poke(0, 0x0800, &MANAGERS);
-    let answer = segment.send(Command::Fprd, 0x1001, 0x1080, &[0x55; 128]);
-    assert_eq!((answer.counter, answer.data), (0, vec![0x55; 128]), "the mailbox is empty");
-    let answer = segment.send(Command::Fprw, 0x1001, 0x0130, &[8, 0]);
-    assert_eq!((answer.counter, answer.data), (1, vec![1, 0]), "only the read counts");
+    let response = segment.send(Command::Fprd, 0x1001, 0x1080, &[0x55; 128]);
+    assert_eq!((response.counter, response.data), (0, vec![0x55; 128]), "the mailbox is empty");
+    let response = segment.send(Command::Fprw, 0x1001, 0x0130, &[8, 0]);
+    assert_eq!((response.counter, response.data), (1, vec![1, 0]), "only the read counts");
 }
 
 #[test]
@@ -109,11 +109,11 @@ fn the_datagrams_of_a_frame_are_processed_one_after_the_other() {
         .device(Command::Bwr, 0, USER, &[3])
         .device(Command::Brd, 0, 0x0000, &[0])
         .device(Command::Fprd, 0x1002, 0x0010, &[0, 0]);
-    let counters: Vec<u16> = segment.send_frame(frame).iter().map(|answer| answer.counter).collect();
+    let counters: Vec<u16> = segment.send_frame(frame).iter().map(|response| response.counter).collect();
     assert_eq!(counters, [2, 2, 1]);
 }
 
-/// A frame with one read of four bytes, changed by `change`, as it is before and behind one device; none where that gives no answer.
+/// A frame with one read of four bytes, changed by `change`, as it is before and behind one device; none where that gives no response.
 fn passed(change: impl FnOnce(&mut Vec<u8>)) -> (Vec<u8>, Option<Vec<u8>>) {
     let (_world, mut segment) = in_line(1);
     let mut frame = Builder::default().device(Command::Brd, 0, 0, &[0; 4]).build();
@@ -130,7 +130,7 @@ fn unknown_commands_pass_unchanged() {
 }
 
 #[test]
-fn a_frame_that_is_not_ethercat_gets_no_answer() {
+fn a_frame_that_is_not_ethercat_gets_no_response() {
     assert_eq!(passed(|frame| frame[12..14].copy_from_slice(&[0x08, 0x00])).1, None);
 }
 

@@ -35,8 +35,8 @@ fn bits_outside_of_the_window_keep_their_values() {
     let mut registers = window(0x0001_0011, 2, (3, 0), 0x0F01, 1);
     registers[11] = 1;
     segment.poke(0, 0x0600, &registers);
-    let answer = segment.send_logical(Command::Lrd, 0x0001_0010, &[0xFF; 4]);
-    assert_eq!((answer.counter, answer.data), (1, vec![0xFF, 0b0000_0111, 0b1111_1110, 0xFF]));
+    let response = segment.send_logical(Command::Lrd, 0x0001_0010, &[0xFF; 4]);
+    assert_eq!((response.counter, response.data), (1, vec![0xFF, 0b0000_0111, 0b1111_1110, 0xFF]));
 }
 
 #[test]
@@ -66,9 +66,9 @@ fn a_mailboxs_status_can_be_mapped_behind_the_process_data() {
     let chip = segment.chip(0);
     chip.borrow_mut().write(0, 0x1400, &[0; 120]);
     let status = |segment: &mut ethercat_esc::Segment| {
-        let answer = segment.send_logical(Command::Lrw, 0, &[0; 241]);
-        assert_eq!(answer.counter, 3);
-        answer.data[240]
+        let response = segment.send_logical(Command::Lrw, 0, &[0; 241]);
+        assert_eq!(response.counter, 3);
+        response.data[240]
     };
     assert_eq!(status(&mut segment) & 8, 0);
     chip.borrow_mut().write(0, 0x1080, &[0; 128]);

@@ -29,10 +29,10 @@ fn a_lost_frame_has_reached_those_before_the_break() {
 }
 
 #[test]
-fn a_damaged_frame_is_believed_by_those_before_the_fault_only() {
+fn a_corrupt_frame_is_believed_by_those_before_the_fault_only() {
     let (_world, mut segment) = in_line(3);
     let mut frame = Builder::default().device(Command::Bwr, 0, USER, &[9]).build();
-    assert!(!segment.pass(0, &mut frame, Fate::Damaged(1)));
+    assert!(!segment.pass(0, &mut frame, Fate::Corrupt(1)));
     assert_eq!([0, 1, 2].map(|nth| segment.fetch(nth, USER, 1).unwrap()[0]), [9, 0, 0]);
     assert_eq!([0, 1, 2].map(|nth| segment.fetch(nth, 0x0300, 1).unwrap()[0]), [0, 1, 1]);
     assert_eq!(segment.poke(1, 0x0300, &[0]), 1);
@@ -71,9 +71,9 @@ fn clocks_are_brought_together_by_the_references_time() {
     segment.chip(1).borrow_mut().set_clock(1_000_000, 50);
     let difference = world.run_until(async {
         for _ in 0..100 {
-            let answer = segment.send(Command::Frmw, 0x1001, 0x0910, &[0; 8]);
-            assert_eq!(answer.counter, 2);
-            assert_eq!(answer.data, now().to_le_bytes());
+            let response = segment.send(Command::Frmw, 0x1001, 0x0910, &[0; 8]);
+            assert_eq!(response.counter, 2);
+            assert_eq!(response.data, now().to_le_bytes());
             Timer::after_millis(1).await;
         }
         u32::from_le_bytes(segment.fetch(1, 0x092C, 4).unwrap().try_into().unwrap()) & 0x7FFF_FFFF

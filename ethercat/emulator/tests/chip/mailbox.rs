@@ -93,26 +93,26 @@ fn each_event_ends_with_the_other_sides_first_byte() {
     assert_eq!(events(&segment) & 0x300, 0);
     processor_writes(&segment, IN_BOX, &[5; 128]);
     segment.fetch(0, IN_BOX, 128);
-    assert_eq!(events(&segment) & 0x300, 0x200, "the answer was fetched");
+    assert_eq!(events(&segment) & 0x300, 0x200, "the response was fetched");
     processor_writes(&segment, IN_BOX, &[5]);
     assert_eq!(events(&segment) & 0x300, 0);
 }
 
 #[test]
-fn a_damaged_frame_neither_fills_nor_empties_a_mailbox() {
+fn a_corrupt_frame_neither_fills_nor_empties_a_mailbox() {
     let (_world, mut segment) = set_up();
     let mut frame = Builder::default().device(Command::Apwr, 0, OUT_BOX, &[1; 128]).build();
-    assert!(!segment.pass(0, &mut frame, Fate::Damaged(0)));
+    assert!(!segment.pass(0, &mut frame, Fate::Corrupt(0)));
     assert_eq!(status(&mut segment, 0) & FULL, 0);
     processor_writes(&segment, IN_BOX, &[5; 128]);
     let mut frame = Builder::default().device(Command::Aprd, 0, IN_BOX, &[0; 128]).build();
-    assert!(!segment.pass(0, &mut frame, Fate::Damaged(0)));
+    assert!(!segment.pass(0, &mut frame, Fate::Corrupt(0)));
     assert_eq!(status(&mut segment, 1) & FULL, FULL);
     assert_eq!(segment.fetch(0, 0x0300, 1), Some(vec![2]), "both were counted");
 }
 
 #[test]
-fn an_answer_that_is_lost_on_the_way_back_is_gone_until_it_is_repeated() {
+fn a_response_that_is_lost_on_the_way_back_is_gone_until_it_is_repeated() {
     let (_world, mut segment) = set_up();
     processor_writes(&segment, IN_BOX, &[5; 128]);
     let mut frame = Builder::default().device(Command::Aprd, 0, IN_BOX, &[0; 128]).build();

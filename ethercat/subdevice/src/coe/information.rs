@@ -23,7 +23,7 @@ const LIST: u8 = 1;
 const OBJECT: u8 = 3;
 const ENTRY: u8 = 5;
 /// A response's operation is that of its request plus one.
-const ANSWER: u8 = 1;
+const RESPONSE: u8 = 1;
 const ERROR: u8 = 7;
 
 /// The values that an entry's description includes.
@@ -44,7 +44,7 @@ const DESCRIPTION_BYTES_MAX: usize = 160;
 pub struct Information {
     operation: u8,
     /// A description, or the start of a list.
-    answer: Vec<u8, DESCRIPTION_BYTES_MAX>,
+    response: Vec<u8, DESCRIPTION_BYTES_MAX>,
     sent: usize,
     list: Rest,
 }
@@ -98,18 +98,18 @@ impl Information {
         let (&[operation, _, _, _], data) =
             body.split_first_chunk::<HEADER_BYTES>().ok_or(MailboxError::SizeTooShort)?;
         self.sent = 0;
-        self.operation = operation.wrapping_add(ANSWER);
-        self.answer.clear();
+        self.operation = operation.wrapping_add(RESPONSE);
+        self.response.clear();
         self.list = Rest::default();
         match self.describe(operation, data, dictionary) {
             Ok(()) => Ok(()),
             Err(Refusal::Malformed) => {
-                self.answer.clear();
+                self.response.clear();
                 Err(MailboxError::SizeTooShort)
             }
             Err(Refusal::Abort(abort)) => {
                 self.operation = ERROR;
-                self.answer = Vec::from_array((abort as u32).to_le_bytes());
+                self.response = Vec::from_array((abort as u32).to_le_bytes());
                 Ok(())
             }
         }
@@ -177,16 +177,16 @@ impl Information {
         for value in values.into_iter().filter_map(|(_, value)| value) {
             self.put(value.to_le_bytes().get(..entry.data_type.bytes()).unwrap_or_default())?;
         }
-        write!(self.answer, "{}", entry.label()).map_err(|_| Refusal::Abort(Abort::OutOfMemory))
+        write!(self.response, "{}", entry.label()).map_err(|_| Refusal::Abort(Abort::OutOfMemory))
     }
 
     fn put(&mut self, bytes: &[u8]) -> Result<(), Refusal> {
-        self.answer.extend_from_slice(bytes).map_err(|_| Refusal::Abort(Abort::OutOfMemory))
+        self.response.extend_from_slice(bytes).map_err(|_| Refusal::Abort(Abort::OutOfMemory))
     }
 
     /// Number of unsent bytes.
     fn left(&self) -> usize {
-        self.answer.len() - self.sent + 2 * self.list.count
+        self.response.len() - self.sent + 2 * self.list.count
     }
 
     /// Whether fragments are left.
@@ -205,7 +205,7 @@ impl Information {
         }
         // An even number, so that no index of a list is split.
         let data_max = (room - HEADER_BYTES) & !1;
-        let rest = self.answer.get(self.sent..).unwrap_or_default();
+        let rest = self.response.get(self.sent..).unwrap_or_default();
         let described = rest.get(..data_max).unwrap_or(rest);
         let mut data = Payload::from_slice(described).unwrap_or_default();
         self.sent += described.len();

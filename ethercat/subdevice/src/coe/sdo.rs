@@ -66,7 +66,7 @@ impl SdoServer {
         let named = Address { index: u16::from_le_bytes([low, high]), sub };
         let target = Target { at: named, complete: command & COMPLETE != 0 };
         let open = self.open.map_or(named, |transfer| transfer.target.at);
-        let (at, answer) = match command >> 5 {
+        let (at, response) = match command >> 5 {
             0 => (open, self.download_segment(request, dictionary)),
             1 => (named, self.download(target, request, dictionary)),
             2 => (named, self.upload(target, dictionary, room)),
@@ -78,13 +78,13 @@ impl SdoServer {
             }
             _ => (named, Err(Abort::UnknownCommand)),
         };
-        let answer = answer.unwrap_or_else(|abort| {
+        let response = response.unwrap_or_else(|abort| {
             self.open = None;
             aborted(at, abort)
         });
         match self.writing {
             Some(_) => self.written(dictionary.application),
-            None => Some(answer),
+            None => Some(response),
         }
     }
 

@@ -25,7 +25,7 @@ const IRQ_PUSH_PULL: u32 = 0x001;
 const IRQ_HIGH: u32 = 0x010;
 
 /// Timeout from a reset to the test pattern, and from there to READY.
-const ANSWER_LIMIT_MS: u64 = 100;
+const RESPONSE_LIMIT_MS: u64 = 100;
 const READY_LIMIT_MS: u64 = 500;
 const POLL_INTERVAL: Duration = Duration::from_millis(1);
 /// Reads that confirm a wrong value.
@@ -139,7 +139,7 @@ impl<SPI: SpiDevice> Lan9252<SPI> {
     /// Waits for the test pattern and for READY.
     async fn wait_for_response(&mut self) -> Result<(), EscError> {
         let mut pattern = 0;
-        for _ in 0..ANSWER_LIMIT_MS {
+        for _ in 0..RESPONSE_LIMIT_MS {
             pattern = self.bus.read(BYTE_TEST).await?;
             if pattern == TEST_PATTERN {
                 return self.wait_until_ready().await;

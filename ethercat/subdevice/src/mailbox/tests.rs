@@ -46,7 +46,7 @@ fn counter_0_is_always_taken() {
 }
 
 #[test]
-fn answers_count_from_1_to_7_and_again() {
+fn responses_count_from_1_to_7_and_again() {
     let mut mailbox = started();
     for counter in [1, 2, 3, 4, 5, 6, 7, 1, 2] {
         send(&mut mailbox, 0);
@@ -86,7 +86,7 @@ fn a_message_takes_the_whole_mailbox_and_nothing_of_the_one_before_is_left_behin
 }
 
 #[test]
-fn answers_keep_their_order_and_wait_for_the_mailbox() {
+fn responses_keep_their_order_and_wait_for_the_mailbox() {
     let mut mailbox = started();
     send(&mut mailbox, 1);
     send(&mut mailbox, 2);

@@ -31,8 +31,8 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
         }
         let ended = self.coe.written(&mut self.application);
         let written = ended.is_some();
-        if let Some(answer) = ended {
-            self.mailbox.send(Protocol::CanOpen, answer);
+        if let Some(response) = ended {
+            self.mailbox.send(Protocol::CanOpen, response);
         }
         let taken = events.any(Events::MAILBOX_WRITTEN) && self.takes_requests();
         if taken {
@@ -71,7 +71,7 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
             _ => (Protocol::Error, Err(MailboxError::UnsupportedProtocol)),
         };
         match answered {
-            Ok(Some(answer)) => self.mailbox.send(protocol, answer),
+            Ok(Some(response)) => self.mailbox.send(protocol, response),
             Ok(None) => {}
             Err(error) => drop(self.mailbox.refuse::<()>(error)),
         }

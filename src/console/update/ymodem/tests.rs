@@ -1,4 +1,4 @@
-//! The receiver by value: what it answers to bytes and to silences.
+//! The receiver by value: how it responds to bytes and to silences.
 
 extern crate std;
 use std::vec::Vec;
@@ -103,7 +103,7 @@ fn a_block_that_came_already_is_acknowledged_and_not_written_again() {
 }
 
 #[test]
-fn any_damaged_byte_of_a_block_makes_it_come_again() {
+fn any_corrupt_byte_of_a_block_makes_it_come_again() {
     let good = block(1, &[0x55; 128]);
     for at in 0..good.len() {
         for change in [0x01, 0x80, 0xff] {
@@ -111,7 +111,7 @@ fn any_damaged_byte_of_a_block_makes_it_come_again() {
             let mut bad = good.clone();
             bad[at] ^= change;
             for byte in bad {
-                // A damaged first byte may look like any other.
+                // A corrupt first byte may look like any other.
                 let came = receiver.feed(byte);
                 assert!(matches!(came, Action::More), "byte {at} ^ {change:#x}: {came:?}");
             }

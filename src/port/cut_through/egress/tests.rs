@@ -109,7 +109,7 @@ fn what_comes_at_once_leaves_in_parts() {
 }
 
 #[test]
-fn what_was_damaged_goes_on_to_a_wrong_end_and_what_breaks_off_stops() {
+fn what_was_corrupt_goes_on_to_a_wrong_end_and_what_breaks_off_stops() {
     let good = rtu::check(105, &READ).to_le_bytes();
     let bad = [good[0], !good[1]];
     let rtu = encoded(Framing::Rtu, 5, &READ);

@@ -16,7 +16,7 @@ fn a_board_is_set_up_and_watched_in_a_browser() {
     let machine = Machine::start(flash.path(), Options { image: Image::Web, ..Options::default() });
     let bus = Bus::new([1, 2, 3]);
     // At 9600 baud the board sends a request for 9 ms.
-    bus.answer_after(Duration::from_millis(60));
+    bus.response_after(Duration::from_millis(60));
     machine.wire(1, &bus);
     let mut console = machine.console();
     // The first user is made at the board.

@@ -154,13 +154,13 @@ fn tell_time(server: &UdpSocket, count: usize) {
         let (length, peer) = server.recv_from(&mut question).unwrap();
         assert_eq!((length, question[0] & 7), (48, 3), "a client's question");
         let now = ((NOW + NTP_EPOCH) << 32).to_be_bytes();
-        let mut answer = [0; 48];
+        let mut response = [0; 48];
         // Version 4, server, stratum 2.
-        answer[..4].copy_from_slice(&[4 << 3 | 4, 2, 6, 0xec]);
-        answer[24..32].copy_from_slice(&question[40..48]);
-        answer[32..40].copy_from_slice(&now);
-        answer[40..48].copy_from_slice(&now);
-        server.send_to(&answer, peer).unwrap();
+        response[..4].copy_from_slice(&[4 << 3 | 4, 2, 6, 0xec]);
+        response[24..32].copy_from_slice(&question[40..48]);
+        response[32..40].copy_from_slice(&now);
+        response[40..48].copy_from_slice(&now);
+        server.send_to(&response, peer).unwrap();
     }
 }
 
@@ -199,12 +199,12 @@ fn a_server_that_does_not_know_the_time_is_not_believed() {
     assert_eq!(console.run(&format!("ntp 10.0.2.2:{port}")), "");
     let mut question = [0; 48];
     let (_, peer) = server.recv_from(&mut question).unwrap();
-    let mut answer = [0; 48];
+    let mut response = [0; 48];
     // The clock is not synchronized (RFC 4330, 4).
-    answer[..2].copy_from_slice(&[3 << 6 | 4 << 3 | 4, 2]);
-    answer[24..32].copy_from_slice(&question[40..48]);
-    answer[40..48].copy_from_slice(&((NOW + NTP_EPOCH) << 32).to_be_bytes());
-    server.send_to(&answer, peer).unwrap();
+    response[..2].copy_from_slice(&[3 << 6 | 4 << 3 | 4, 2]);
+    response[24..32].copy_from_slice(&question[40..48]);
+    response[40..48].copy_from_slice(&((NOW + NTP_EPOCH) << 32).to_be_bytes());
+    server.send_to(&response, peer).unwrap();
     let expected = format!(", no time from 10.0.2.2:{port}: failed (the server does not know the time)");
     wait_for("the fault", || console.run("show version").contains(&expected).then_some(()));
 }

@@ -80,6 +80,6 @@ fn noise_on_a_line_ends_with_the_noise() {
     assert_eq!(client.read(1, 0, 1), [0x83, 0x0b], "nobody is there");
     drop(line);
     bench.machine.wire(1, &bench.buses[0]);
-    wait_for("the devices' answers", || (client.read(1, 0, 1) == registers(1, 0, 1)).then_some(()));
+    wait_for("the devices' responses", || (client.read(1, 0, 1) == registers(1, 0, 1)).then_some(()));
     assert!(console.count("P1", "noise") > 0);
 }

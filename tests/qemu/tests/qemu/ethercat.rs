@@ -219,11 +219,11 @@ fn without_a_controller_the_board_says_so_and_works() {
     let mut console = bench.machine.console();
     assert_eq!(console.run("port ecat ethercat line P1"), "");
     shows(&mut console, "show version", "EtherCAT controller missing");
-    shows(&mut console, "show ports", "not found (no EtherCAT controller answers)");
+    shows(&mut console, "show ports", "not found (no EtherCAT controller responds)");
     shows(
         &mut console,
         "show log",
-        "no EtherCAT controller answers: 0xffffffff read instead of its test pattern",
+        "no EtherCAT controller responds: 0xffffffff read instead of its test pattern",
     );
     assert_eq!(bench.machine.client().read(1, 0, 2), registers(1, 0, 2));
 }

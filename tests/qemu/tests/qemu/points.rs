@@ -24,5 +24,5 @@ fn data_points_are_read_and_written_and_their_frames_are_shown() {
     wait_for("the write", || (bench.buses[0].holding(2, 9) == 4711).then_some(()));
     let frames = console.run("show frames");
     assert!(frames.contains("02 03 00 00 00 03"), "the scanner's read: {frames}");
-    assert!(frames.contains("02 03 06 02 00 00 07 02 02"), "its answer: {frames}");
+    assert!(frames.contains("02 03 06 02 00 00 07 02 02"), "its response: {frames}");
 }

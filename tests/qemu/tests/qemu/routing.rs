@@ -1,4 +1,4 @@
-//! Requests find their devices, and what becomes of those that do not answer.
+//! Requests find their devices, and what becomes of those that do not respond.
 
 use std::io::{Read, Write};
 use std::net::TcpListener;
@@ -16,7 +16,7 @@ fn requests_reach_the_units_of_three_lines_by_rule_and_by_tag() {
     for unit in [1, 65, 131] {
         assert_eq!(client.read(unit, 7, 3), registers(unit, 7, 3));
     }
-    assert_eq!(client.read(65, 0, 125), registers(65, 0, 125), "the longest answer");
+    assert_eq!(client.read(65, 0, 125), registers(65, 0, 125), "the longest response");
     let mut console = bench.machine.console();
     assert_eq!(console.run("insert route 1 P502 201-203 * -200 P1 readonly"), "");
     assert_eq!(client.read(202, 7, 3), registers(2, 7, 3));
@@ -66,9 +66,9 @@ fn a_master_on_a_serial_line_reaches_another_line() {
     thread::sleep(Duration::from_millis(200));
     for unit in [129, 131] {
         master.write_all(&rtu::frame(unit, &[3, 0, 5, 0, 2])).unwrap();
-        let mut answer = [0; 9];
-        master.read_exact(&mut answer).unwrap();
-        assert_eq!(answer[..], rtu::frame(unit, &registers(unit, 5, 2)));
+        let mut response = [0; 9];
+        master.read_exact(&mut response).unwrap();
+        assert_eq!(response[..], rtu::frame(unit, &registers(unit, 5, 2)));
     }
 }
 

@@ -214,7 +214,7 @@ fn large_bodies_and_endless_heads_are_refused_and_slow_ones_are_cut() {
     let put = bench.request("PUT", CANDIDATE).bearer(&token);
     let refused = put.clone().body("text/plain", &[b'#'; 4_000]).gets(413);
     assert!(refused.message().contains("too large"), "{refused:?}");
-    // Of far more the board does not read the rest: its answer may be lost with that.
+    // Of far more the board does not read the rest: its response may be lost with that.
     let mut huge = put.header("Content-Type", "text/plain").header("Content-Length", "10000000").open();
     let _ = huge.write_all(&vec![b'#'; 10_000_000]);
     let mut received = Vec::new();

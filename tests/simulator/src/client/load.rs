@@ -4,15 +4,15 @@ use std::collections::BTreeMap;
 
 use embassy_time::{Duration, Instant, Timer};
 
-use super::{Answer, Client};
+use super::{Client, Response};
 
 /// What became of a client's requests.
 #[derive(Debug, Clone, Default)]
 pub struct Load {
     /// How long each response took, exceptions included.
     pub latencies: Latencies,
-    /// Answers without exception.
-    pub answers: u64,
+    /// Responses without exception.
+    pub responses: u64,
     /// Exceptions by code.
     pub exceptions: BTreeMap<u8, u64>,
     /// Requests without a response.
@@ -49,15 +49,15 @@ impl ClosedLoop {
         self,
         client: &mut Client,
         mut next: impl FnMut() -> (u8, Vec<u8>),
-        mut check: impl FnMut(u8, &[u8], &Answer),
+        mut check: impl FnMut(u8, &[u8], &Response),
     ) -> Load {
         let mut load = Load::default();
         while Instant::now() < self.until && !load.closed {
             let (unit, pdu) = next();
             let asked = Instant::now();
-            let answer = client.request(unit, &pdu).await;
-            check(unit, &pdu, &answer);
-            load.note(&answer, asked.elapsed());
+            let response = client.request(unit, &pdu).await;
+            check(unit, &pdu, &response);
+            load.note(&response, asked.elapsed());
             if self.think > Duration::from_ticks(0) {
                 Timer::after(self.think).await;
             }
@@ -67,13 +67,13 @@ impl ClosedLoop {
 }
 
 impl Load {
-    fn note(&mut self, answer: &Answer, latency: Duration) {
-        match (answer, answer.exception()) {
-            (Answer::Silence, _) => return self.silences += 1,
-            (Answer::Closed, _) => return self.closed = true,
-            (Answer::Wrong(_), _) => return self.wrong += 1,
-            (Answer::Pdu(_), Some(code)) => *self.exceptions.entry(code).or_default() += 1,
-            (Answer::Pdu(_), None) => self.answers += 1,
+    fn note(&mut self, response: &Response, latency: Duration) {
+        match (response, response.exception()) {
+            (Response::Silence, _) => return self.silences += 1,
+            (Response::Closed, _) => return self.closed = true,
+            (Response::Wrong(_), _) => return self.wrong += 1,
+            (Response::Pdu(_), Some(code)) => *self.exceptions.entry(code).or_default() += 1,
+            (Response::Pdu(_), None) => self.responses += 1,
         }
         self.latencies.note(latency);
     }

@@ -1,4 +1,4 @@
-//! A client, or a master on a serial line, whose answers are taken in as they come, each with its time of arrival.
+//! A client, or a master on a serial line, whose responses are taken in as they come, each with its time of arrival.
 
 use std::cell::RefCell;
 use std::collections::VecDeque;
@@ -68,7 +68,7 @@ impl Session {
         Self { way: ReplyTo::Datagrams(client), inbox, transaction: 0 }
     }
 
-    /// Starts to receive on a serial line, as a master. What comes bears no transaction id: it has 0. A damaged frame has
+    /// Starts to receive on a serial line, as a master. What comes bears no transaction id: it has 0. A corrupt frame has
     /// no PDU.
     pub fn on_line(line: LineEnd, framing: Framing, world: &World<'_>) -> Self {
         let inbox = Rc::<RefCell<Inbox>>::default();

@@ -13,7 +13,7 @@ pub fn frame(unit: u8, pdu: &[u8]) -> Vec<u8> {
     format!(":{digits}\r\n").into_bytes()
 }
 
-/// Unit and PDU of `frame`, when it is whole and undamaged.
+/// Unit and PDU of `frame`, when it is whole and intact.
 pub fn open(frame: &[u8]) -> Option<(u8, Vec<u8>)> {
     let digits = frame.strip_prefix(b":")?.strip_suffix(b"\r\n")?;
     let is_digit = |digit: &u8| digit.is_ascii_digit() || (b'A'..=b'F').contains(digit);
@@ -37,13 +37,13 @@ mod tests {
     }
 
     #[test]
-    fn a_frame_opens_only_whole_undamaged_and_in_capitals() {
+    fn a_frame_opens_only_whole_intact_and_in_capitals() {
         let bytes = frame(0x11, &[3, 0, 0x6b, 0, 3]);
         assert_eq!(open(&bytes), Some((0x11, vec![3, 0, 0x6b, 0, 3])));
         for at in 0..bytes.len() {
-            let mut damaged = bytes.clone();
-            damaged[at] ^= 1;
-            assert_eq!(open(&damaged), None, "{at}");
+            let mut corrupt = bytes.clone();
+            corrupt[at] ^= 1;
+            assert_eq!(open(&corrupt), None, "{at}");
         }
         assert_eq!(open(&bytes.to_ascii_lowercase()), None);
     }

@@ -60,7 +60,7 @@ impl Memory {
         {
             return Err(ILLEGAL_ADDRESS);
         }
-        let mut answer = match function {
+        let mut response = match function {
             1 => read_bits(&self.coils, data)?,
             2 => read_bits(&self.discrete_inputs, data)?,
             3 | 4 => self.read_registers(function, data)?,
@@ -77,8 +77,8 @@ impl Memory {
             65..=72 => [data, &[!function]].concat(),
             _ => return Err(ILLEGAL_FUNCTION),
         };
-        answer.insert(0, function);
-        Ok(answer)
+        response.insert(0, function);
+        Ok(response)
     }
 
     fn read_registers(&mut self, function: u8, data: &[u8]) -> Result<Vec<u8>, u8> {
@@ -211,8 +211,8 @@ mod tests {
     fn the_specifications_examples_come_out() {
         let mut memory = Memory::new(1);
         memory.holding[107..110].copy_from_slice(&[0x022b, 0, 0x64]);
-        let answer = [3, 6, 0x02, 0x2b, 0, 0, 0, 0x64];
-        assert_eq!(memory.execute(&[3, 0, 107, 0, 3]), Ok(answer.to_vec()), "6.3");
+        let response = [3, 6, 0x02, 0x2b, 0, 0, 0, 0x64];
+        assert_eq!(memory.execute(&[3, 0, 107, 0, 3]), Ok(response.to_vec()), "6.3");
         memory.holding[4] = 0x12;
         memory.execute(&[22, 0, 4, 0, 0xf2, 0, 0x25]).unwrap();
         assert_eq!(memory.holding[4], 0x17, "6.16");

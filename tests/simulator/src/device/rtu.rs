@@ -37,7 +37,7 @@ mod tests {
     }
 
     #[test]
-    fn a_frame_opens_only_undamaged() {
+    fn a_frame_opens_only_intact() {
         let mut bytes = frame(17, &[3, 0, 1]);
         assert_eq!(open(&bytes), Some((17, &[3, 0, 1][..])));
         bytes[2] ^= 4;

@@ -2,7 +2,7 @@
 //!
 //! Each connection is served by itself. Requests are executed as they come and answered after the device's turnaround time:
 //! in Modbus TCP each by itself, so that the responses of slow requests come behind those of quick ones; in RTU over TCP a device
-//! answers in order. A device whose unit id is not asked for says nothing.
+//! responses in order. A device whose unit id is not asked for says nothing.
 
 use embassy_futures::select::{Either, select};
 use embedded_io_async::{Read, Write};
@@ -61,11 +61,11 @@ fn hear(framing: Stream, received: &mut Vec<u8>, devices: &[Device], outbox: &mu
         Stream::Mbap => {
             while let Some(request) = take_frame(received) {
                 assert_eq!(request.protocol, 0, "the gateway speaks Modbus");
-                let answer = |unit, pdu: &[u8], wrong| {
+                let response = |unit, pdu: &[u8], wrong| {
                     frame(request.transaction ^ if wrong { 0x5a5a } else { 0 }, unit, pdu)
                 };
                 if let Some(device) = asked(request.unit) {
-                    device.asked(&request.pdu, false, answer, outbox);
+                    device.asked(&request.pdu, false, response, outbox);
                 }
             }
         }

@@ -35,7 +35,7 @@ fn spoilt(fault: Fault) -> Option<Vec<u8>> {
 }
 
 #[test]
-fn an_answer_comes_after_the_silence_and_the_turnaround() {
+fn a_response_comes_after_the_silence_and_the_turnaround() {
     let (mut world, wire, mut master) = bus([Device::new(5)]);
     let heard = world.run_until(ask(&mut master, 5, &READ)).unwrap();
     assert_eq!(rtu::open(&heard), Some((5, &[3, 2, 5, 0][..])));
@@ -46,7 +46,7 @@ fn an_answer_comes_after_the_silence_and_the_turnaround() {
 }
 
 #[test]
-fn devices_on_one_connection_answer_for_their_own_unit_only() {
+fn devices_on_one_connection_respond_for_their_own_unit_only() {
     let devices = [Device::new(1), Device::new(2)];
     let (mut world, _, mut master) = bus(devices.clone());
     let second = world.run_until(ask(&mut master, 2, &READ)).unwrap();
@@ -68,7 +68,7 @@ fn a_broadcast_is_executed_by_all_and_answered_by_none() {
 }
 
 #[test]
-fn a_torn_or_damaged_request_is_counted_and_not_answered() {
+fn a_torn_or_corrupt_request_is_counted_and_not_answered() {
     let device = Device::new(1);
     let (mut world, _, mut master) = bus([device.clone()]);
     world.run_until(async {
@@ -102,7 +102,7 @@ fn a_dead_device_is_silent() {
 }
 
 #[test]
-fn a_late_answer_does_not_keep_the_next_request_from_its_answer() {
+fn a_late_response_does_not_keep_the_next_request_from_its_response() {
     let late = Fault::Late(Duration::from_millis(1_500), Duration::from_millis(1_500));
     let slow = Device::new(1).with_faults(Faults::new(1).with(When::Always, late));
     let (mut world, _, mut master) = bus([slow, Device::new(2)]);
@@ -110,11 +110,11 @@ fn a_late_answer_does_not_keep_the_next_request_from_its_answer() {
     assert_eq!(world.run_until(ask(&mut master, 2, &READ)).unwrap()[0], 2);
     let mut buffer = [0; 64];
     let count = world.run_until(master.read(&mut buffer)).unwrap();
-    assert_eq!((count, buffer[0]), (1, 1), "the late answer comes all the same");
+    assert_eq!((count, buffer[0]), (1, 1), "the late response comes all the same");
 }
 
 #[test]
-fn a_damaged_answer_does_not_open() {
+fn a_corrupt_response_does_not_open() {
     use Fault::{BadCrc, FlippedBit, LostByte, NoiseAfter, NoiseBefore, Truncated};
     for fault in [BadCrc, FlippedBit, LostByte, Truncated, NoiseBefore(3), NoiseAfter(3)] {
         let heard = spoilt(fault).unwrap();
@@ -123,7 +123,7 @@ fn a_damaged_answer_does_not_open() {
 }
 
 #[test]
-fn a_forged_answer_opens_and_is_another() {
+fn a_forged_response_opens_and_is_another() {
     let forged = |fault| {
         let heard = spoilt(fault).unwrap();
         let (unit, pdu) = rtu::open(&heard).unwrap();
@@ -136,7 +136,7 @@ fn a_forged_answer_opens_and_is_another() {
 }
 
 #[test]
-fn a_gap_inside_splits_the_answer_on_the_wire() {
+fn a_gap_inside_splits_the_response_on_the_wire() {
     let gap = Fault::GapInside(Duration::from_millis(20));
     let device = Device::new(5).with_faults(Faults::new(7).with(When::Requests(2..=2), gap));
     let (mut world, _, mut master) = bus([device.clone()]);
@@ -147,7 +147,7 @@ fn a_gap_inside_splits_the_answer_on_the_wire() {
 
 /// What a master hears that sends these requests to unit 5, so many milliseconds from the start on: the registers read, and when
 /// the responses have come, in milliseconds.
-fn answers(device: Device, requests: &[(u64, u8)]) -> Vec<(u8, u64)> {
+fn responses(device: Device, requests: &[(u64, u8)]) -> Vec<(u8, u64)> {
     let (mut world, wire, mut sender) = bus([device]);
     let hearer = wire.tap(LINE);
     let number = sender.number();
@@ -169,21 +169,21 @@ fn answers(device: Device, requests: &[(u64, u8)]) -> Vec<(u8, u64)> {
     }
     assert_eq!(wire.collisions(), 0);
     let of_device: Vec<_> = wire.frames().into_iter().filter(|frame| frame.from != number).collect();
-    assert_eq!(of_device.len(), heard.len(), "each answer is a frame of its own");
+    assert_eq!(of_device.len(), heard.len(), "each response is a frame of its own");
     heard
 }
 
 #[test]
-fn a_late_answer_delays_those_behind_it() {
+fn a_late_response_delays_those_behind_it() {
     let late = Fault::Late(Duration::from_secs(2), Duration::from_secs(2));
     let device = Device::new(5).with_faults(Faults::new(1).with(When::Requests(1..=1), late));
-    let heard = answers(device, &[(0, 1), (500, 2), (2_500, 3)]);
+    let heard = responses(device, &[(0, 1), (500, 2), (2_500, 3)]);
     assert_eq!(heard.iter().map(|(register, _)| *register).collect::<Vec<_>>(), [1, 2, 3]);
     assert!(heard[0].1 > 2_000 && heard[1].1 < 2_050 && heard[2].1 < 2_550, "{heard:?}");
 }
 
 #[test]
-fn two_halves_of_an_answer_have_no_other_between_them() {
+fn two_halves_of_a_response_have_no_other_between_them() {
     let pause = Duration::from_millis(300);
     let halves = Faults::new(1).with(When::Requests(1..=1), Fault::GapInside(pause));
     let (mut world, _, mut master) = bus([Device::new(5).with_faults(halves)]);
@@ -201,7 +201,7 @@ fn two_halves_of_an_answer_have_no_other_between_them() {
 }
 
 #[test]
-fn answers_in_a_stream_are_whole_and_in_rtu_in_order() {
+fn responses_in_a_stream_are_whole_and_in_rtu_in_order() {
     for (in_order, expected) in [(true, vec![1, 1, 2]), (false, vec![2, 1, 1])] {
         let mut world = World::new(1);
         let late = Fault::Late(Duration::from_secs(2), Duration::from_secs(2));
@@ -232,7 +232,7 @@ fn answers_in_a_stream_are_whole_and_in_rtu_in_order() {
 fn a_device_in_a_hiccup_answers_all_that_it_has_heard_when_it_ends() {
     let hiccup = Fault::Hiccup(Duration::from_secs(2), Duration::from_secs(2));
     let device = Device::new(5).with_faults(Faults::new(1).with(When::Always, hiccup));
-    let heard = answers(device, &[(0, 1), (500, 2), (1_500, 3), (2_500, 4)]);
+    let heard = responses(device, &[(0, 1), (500, 2), (1_500, 3), (2_500, 4)]);
     assert_eq!(heard.iter().map(|(register, _)| *register).collect::<Vec<_>>(), [1, 2, 3, 4]);
     assert!(heard[0].1 > 2_000 && heard[2].1 < 2_080, "{heard:?}");
     assert!(heard[3].1 > 4_500, "the next one begins behind the first, {heard:?}");

@@ -35,7 +35,7 @@ pub struct WireFrame {
     pub end_ns: u64,
     /// The silence before it; none before the wire's first frame, zero when another was still sending.
     pub gap_ns: Option<u64>,
-    /// What was sent, without regard to damage on the way.
+    /// What was sent, without regard to corruption on the way.
     pub bytes: Vec<u8>,
 }
 

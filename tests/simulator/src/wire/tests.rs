@@ -95,7 +95,7 @@ fn nobody_hears_himself_unless_he_asks() {
 }
 
 #[test]
-fn two_ends_that_send_at_once_damage_each_other() {
+fn two_ends_that_send_at_once_corrupt_each_other() {
     let mut world = World::new(1);
     let (wire, mut one, mut other) = pair();
     let mut third = wire.tap(LINE_9600);

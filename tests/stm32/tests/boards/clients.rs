@@ -137,6 +137,6 @@ pub(crate) fn as_many_clients_as_the_board_has_are_served_at_a_time(board: Board
     assert_eq!(machine.frames_dropped(), 0, "the Ethernet had no room for them");
     let stats = machine.type_line("show stats").unwrap();
     let expected = clients.len() * usize::from(ROUNDS);
-    let row = stats.lines().find(|line| line.split_whitespace().take(2).eq(["P1", "answers"]));
+    let row = stats.lines().find(|line| line.split_whitespace().take(2).eq(["P1", "responses"]));
     assert_eq!(row.and_then(|row| row.split_whitespace().nth(2)?.parse().ok()), Some(expected), "{stats}");
 }

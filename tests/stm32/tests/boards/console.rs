@@ -4,9 +4,9 @@ use mobgate_stm32_emulator::Board;
 
 use crate::{on_each_board, started};
 
-on_each_board!(the_console_answers, a_wrong_line_is_named);
+on_each_board!(the_console_responses, a_wrong_line_is_named);
 
-fn the_console_answers(board: Board) {
+fn the_console_responses(board: Board) {
     let mut machine = started(board);
     let version = machine.type_line("show version").unwrap();
     let name = board.name.to_uppercase().replace('_', "-");

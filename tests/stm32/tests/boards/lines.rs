@@ -8,7 +8,7 @@ use crate::{on_each_board, set_up, started};
 
 on_each_board!(
     a_request_on_one_line_reaches_the_device_on_another,
-    damaged_characters_are_counted_and_cost_one_frame,
+    corrupt_characters_are_counted_and_cost_one_frame,
     noise_through_which_every_bit_is_read_costs_nothing,
 );
 
@@ -68,7 +68,7 @@ fn a_request_on_one_line_reaches_the_device_on_another(board: Board) {
 }
 
 /// What characters and frames may have.
-const FLAWS: [&str; 4] = ["parity", "framing", "overruns", "damaged"];
+const FLAWS: [&str; 4] = ["parity", "framing", "overruns", "corrupt"];
 
 /// How often `event` has happened at a port, as `show stats` has it.
 fn count(stats: &str, port: &str, event: &str) -> u32 {
@@ -76,7 +76,7 @@ fn count(stats: &str, port: &str, event: &str) -> u32 {
     row.and_then(|row| row.split_whitespace().nth(2)?.parse().ok()).unwrap_or(0)
 }
 
-fn damaged_characters_are_counted_and_cost_one_frame(board: Board) {
+fn corrupt_characters_are_counted_and_cost_one_frame(board: Board) {
     let mut machine = routed(board, "route P2 1-64 * * P1 cut off");
     // A bit of one character has fallen over, so that its parity is wrong.
     let odd = Format { parity: Parity::Odd, ..RTU };
@@ -89,7 +89,7 @@ fn damaged_characters_are_counted_and_cost_one_frame(board: Board) {
     machine.run(Duration::from_millis(50)).unwrap();
     let stats = machine.type_line("show stats").unwrap();
     assert!(count(&stats, "P2", "parity") > 0, "{stats}");
-    assert!(count(&stats, "P2", "damaged") > 0, "{stats}");
+    assert!(count(&stats, "P2", "corrupt") > 0, "{stats}");
     machine.sent(Uart::Line1);
     // And a good one is routed.
     machine.send(Uart::Line2, &REQUEST, RTU);

@@ -13,7 +13,7 @@ on_each_board!(
     a_long_frame_is_passed_on_while_it_arrives,
     lines_may_differ_in_speed_and_format,
     a_pause_is_passed_on_and_a_longer_one_breaks_the_frame_off,
-    what_is_damaged_stays_damaged,
+    what_is_corrupt_stays_corrupt,
     two_pairs_of_lines_pass_frames_on_at_a_time,
 );
 
@@ -186,14 +186,14 @@ fn a_pause_is_passed_on_and_a_longer_one_breaks_the_frame_off(board: Board) {
     pass(&mut machine, &frame, RTU, RTU);
 }
 
-fn what_is_damaged_stays_damaged(board: Board) {
+fn what_is_corrupt_stays_corrupt(board: Board) {
     let mut machine = passing(board, "115200 8E1", "115200 8E1");
     let frame = write(50);
     for place in [40, 99, frame.len() - 2, frame.len() - 1] {
-        let mut damaged = frame.clone();
-        damaged[place] ^= 0x10;
-        machine.send(Uart::Line2, &damaged, FAST);
-        receive(&mut machine, Uart::Line1, &damaged);
+        let mut corrupt = frame.clone();
+        corrupt[place] ^= 0x10;
+        machine.send(Uart::Line2, &corrupt, FAST);
+        receive(&mut machine, Uart::Line1, &corrupt);
         machine.run(Duration::from_millis(50)).unwrap();
         assert_eq!(bytes(&machine.sent(Uart::Line2)), [], "nothing responds to it");
         pass(&mut machine, &frame, FAST, FAST);

@@ -142,7 +142,7 @@ fn a_syslog_server_gets_the_lines_and_an_ntp_server_tells_their_time(board: Boar
         if let Some((question, from)) = network.receive_datagram(ntp) {
             assert_eq!((question.len(), question[0] & 7), (48, 3), "a client's question");
             asked += 1;
-            network.send_datagram(ntp, &time_answer(&question), from);
+            network.send_datagram(ntp, &time_response(&question), from);
         }
         lines.extend(network.receive_datagram(syslog).map(|(line, _)| String::from_utf8(line).unwrap()));
         asked > 0 && lines.len() >= 4
@@ -159,15 +159,15 @@ fn a_syslog_server_gets_the_lines_and_an_ntp_server_tells_their_time(board: Boar
     assert!(shown.lines().nth(1).is_some_and(|line| line.starts_with("2027-03-04T05:0")), "{shown}");
 }
 
-/// An answer with [`NOW`] (RFC 4330, 5): version 4, server, stratum 2.
-fn time_answer(question: &[u8]) -> [u8; 48] {
+/// A response with [`NOW`] (RFC 4330, 5): version 4, server, stratum 2.
+fn time_response(question: &[u8]) -> [u8; 48] {
     let now = (NOW << 32).to_be_bytes();
-    let mut answer = [0; 48];
-    answer[..4].copy_from_slice(&[4 << 3 | 4, 2, 6, 0xec]);
-    answer[24..32].copy_from_slice(&question[40..48]);
-    answer[32..40].copy_from_slice(&now);
-    answer[40..48].copy_from_slice(&now);
-    answer
+    let mut response = [0; 48];
+    response[..4].copy_from_slice(&[4 << 3 | 4, 2, 6, 0xec]);
+    response[24..32].copy_from_slice(&question[40..48]);
+    response[32..40].copy_from_slice(&now);
+    response[40..48].copy_from_slice(&now);
+    response
 }
 
 fn the_stack_has_room_for_a_password(board: Board) {

@@ -36,7 +36,7 @@ async function registers(client, base) {
     await client.writeRegister(1, 0xffff);
     await client.writeRegisters(2, [0x1234, 0, 42]);
     assert.deepEqual((await client.readHoldingRegisters(0, 6)).data, [0, 0xffff, 0x1234, 0, 42, 0]);
-    // Many, so that the answer comes in pieces.
+    // Many, so that the response comes in pieces.
     const many = [...Array(90).keys()].map((value) => 1000 + value);
     await client.writeRegisters(6, many);
     assert.deepEqual((await client.readHoldingRegisters(6, 90)).data, many);

@@ -1,7 +1,7 @@
 // A Modbus TCP server by modbus-serial: server.js PORT UNIT
 //
 // The unit has 64 coils (off), 64 discrete inputs (every third is on), 100 holding registers (0) and 100 input registers, of
-// which register A of unit U holds 256 * U + A. Other addresses get exception 02, other units no answer.
+// which register A of unit U holds 256 * U + A. Other addresses get exception 02, other units no response.
 "use strict";
 const { ServerTCP } = require("../../../../../target/node/node_modules/modbus-serial");
 

@@ -1,4 +1,4 @@
-//! The answer to a request: a status, and a short text or a stream of pieces, which are produced while they are sent.
+//! The response to a request: a status, and a short text or a stream of pieces, which are produced while they are sent.
 
 use core::fmt::{self, Display, Write as _};
 
@@ -8,7 +8,7 @@ use heapless::String;
 use picoserve::ResponseSent;
 use picoserve::io::{Read, Write};
 use picoserve::response::chunked::{ChunkWriter, ChunkedResponse, Chunks, ChunksWritten};
-use picoserve::response::{Connection, IntoResponse, Response, ResponseWriter, StatusCode};
+use picoserve::response::{self, Connection, IntoResponse, ResponseWriter, StatusCode};
 
 use super::job;
 use super::json::Quoted;
@@ -25,7 +25,7 @@ use crate::gateway::difference::Difference;
 use crate::gateway::web::{Hold, Token};
 use crate::language::LineError;
 
-/// Bytes of the longest answer that is made before it is sent.
+/// Bytes of the longest response that is made before it is sent.
 pub(super) const TEXT_BYTES_MAX: usize = if cfg!(feature = "long-requests") { 2_048 } else { 768 };
 pub(super) type Text = String<TEXT_BYTES_MAX>;
 /// A message, which is cut if it is longer.
@@ -39,7 +39,7 @@ const PAGES_FULL: &str =
     "four pages have live values, and more cannot: close one, or GET /api/v1/status now and then";
 const CAPTURES_FULL: &str = "two others get frames, and more cannot: stop one of them";
 
-/// Sent with each answer: it must be neither cached nor framed.
+/// Sent with each response: it must be neither cached nor framed.
 const HEADERS: &[(&str, &str)] = &[
     ("Cache-Control", "no-store"),
     ("X-Content-Type-Options", "nosniff"),
@@ -57,8 +57,8 @@ const FILE_HEADERS: &[(&str, &str)] = &[
     ),
 ];
 
-/// The answer to a request.
-pub(super) struct Answer<'s, 'g> {
+/// The response to a request.
+pub(super) struct Response<'s, 'g> {
     status: u16,
     header: Option<(&'static str, String<128>)>,
     content: Content<'s, 'g>,
@@ -99,7 +99,7 @@ pub(super) enum Part {
     Over,
 }
 
-impl<'s, 'g> Answer<'s, 'g> {
+impl<'s, 'g> Response<'s, 'g> {
     pub(super) fn ok(content: Content<'s, 'g>) -> Self {
         Self { status: 200, header: None, content }
     }
@@ -174,17 +174,18 @@ impl<'s, 'g> Answer<'s, 'g> {
         let header = header.as_ref().map(|(name, value)| (*name, value.as_str()));
         match content {
             Content::Nothing => {
-                let response = Response::empty(status).with_headers(HEADERS).with_headers(header);
+                let response = response::Response::empty(status).with_headers(HEADERS).with_headers(header);
                 response.write_to(connection, writer).await
             }
             Content::Json(text) => {
-                let response = Response::new(status, text.as_str()).with_content_type("application/json");
+                let response =
+                    response::Response::new(status, text.as_str()).with_content_type("application/json");
                 response.with_headers(HEADERS).with_headers(header).write_to(connection, writer).await
             }
             Content::File(file, is_known) => {
                 let (status, bytes) =
                     if *is_known { (StatusCode::NOT_MODIFIED, &[][..]) } else { (status, file.bytes) };
-                let response = Response::new(status, bytes).with_content_type(file.kind);
+                let response = response::Response::new(status, bytes).with_content_type(file.kind);
                 let response = response.with_header("Content-Encoding", "gzip").with_header("ETag", file.tag);
                 response.with_headers(FILE_HEADERS).write_to(connection, writer).await
             }
@@ -252,7 +253,7 @@ impl Content<'_, '_> {
         }
         let mut long = source.gateway.web.long_piece.lock().await;
         long.clear();
-        // A piece that does not fit here either ends the answer, which its receiver finds incomplete.
+        // A piece that does not fit here either ends the response, which its receiver finds incomplete.
         let is_one = self.next(source, long.as_mut_view()) == Ok(true);
         writer.write_chunk(if is_one { long.as_bytes() } else { b"" }).await?;
         Ok(is_one)

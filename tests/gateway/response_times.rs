@@ -1,4 +1,4 @@
-//! Percentiles of answer times from a few bytes.
+//! Percentiles of response times from a few bytes.
 
 use mobgate::gateway::response_times::ResponseTimes;
 use mobgate::gateway::unit_health::Unit;
@@ -9,7 +9,7 @@ use crate::prelude::*;
 const OFF: f64 = 0.6;
 
 #[test]
-fn percentiles_are_near_those_of_all_the_answers() {
+fn percentiles_are_near_those_of_all_the_responses() {
     let mut random = Random::new(1);
     for longest in [3_000, 40_000, 900_000] {
         let mut times = ResponseTimes::new();
@@ -25,7 +25,7 @@ fn percentiles_are_near_those_of_all_the_answers() {
 }
 
 #[test]
-fn old_answers_fade_and_rare_slow_ones_are_seen() {
+fn old_responses_fade_and_rare_slow_ones_are_seen() {
     let mut times = ResponseTimes::new();
     assert_eq!(times.percentile(50), None);
     (0..10_000).for_each(|_| times.add(300_000));
@@ -38,7 +38,7 @@ fn old_answers_fade_and_rare_slow_ones_are_seen() {
 
 #[test]
 fn the_units_of_a_port_take_little_memory() {
-    // 20 bytes of times and 20 of troubles for each.
+    // 20 bytes of times and 20 of errors for each.
     assert!(size_of::<Unit>() <= 120, "{}", size_of::<Unit>());
     // Those of an RS-485 segment.
     assert!(32 * (size_of::<ResponseTimes>() + 20) <= 1_280);

@@ -1,4 +1,4 @@
-//! Answers that get lost while process data go on: they come again, and neither they nor the outputs are taken for something else.
+//! Responses that get lost while process data go on: they come again, and neither they nor the outputs are taken for something else.
 
 use mobgate_simulator::sub_device::sequence;
 
@@ -16,7 +16,7 @@ fn request(sub: u8) -> [u8; 10] {
 }
 
 #[test]
-fn a_repetition_that_is_asked_for_while_outputs_come_is_neither_lost_nor_hides_the_next_answer() {
+fn a_repetition_that_is_asked_for_while_outputs_come_is_neither_lost_nor_hides_the_next_response() {
     for after_us in (0..200).step_by(2) {
         let (mut rig, _) = slow_device(after_us, 20, SLOW);
         rig.send(&request(1));
@@ -54,7 +54,7 @@ fn outputs_are_taken_though_a_repetition_is_asked_for_twice_in_the_same_words() 
 
 /// Whatever is lost, a MainDevice that repeats gets each response once, and the outputs that it sent last are those in force.
 #[test]
-fn with_lost_answers_and_repetitions_no_outputs_are_stale() {
+fn with_lost_responses_and_repetitions_no_outputs_are_stale() {
     for seed in 0..14 {
         let (mut rig, echo) = slow_device(seed, 20, SLOW);
         let mut random = Random::new(seed);
@@ -81,9 +81,10 @@ fn with_lost_answers_and_repetitions_no_outputs_are_stale() {
             rig.pass(6);
             assert_eq!(echo.0.borrow().last, Some(number), "seed {seed}: stale outputs");
             // The response, perhaps behind one that was had.
-            let answers: Vec<u8> = std::iter::from_fn(|| rig.receive()).map(|answer| answer[11]).collect();
-            assert!(answers.len() <= 2, "seed {seed}: {answers:?}");
-            assert!(answers.last().is_none_or(|last| *last == sub), "seed {seed}: {answers:?} for {sub}");
+            let responses: Vec<u8> =
+                std::iter::from_fn(|| rig.receive()).map(|response| response[11]).collect();
+            assert!(responses.len() <= 2, "seed {seed}: {responses:?}");
+            assert!(responses.last().is_none_or(|last| *last == sub), "seed {seed}: {responses:?} for {sub}");
         }
         assert_eq!(echo.0.borrow().torn, 0);
         let last = rig.exchange(&image(300, 120)).0;

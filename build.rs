@@ -11,7 +11,6 @@ fn main() {
     page::build();
 }
 
-// As above.
 #[cfg(feature = "page")]
 mod page {
     use std::fmt::Write as _;

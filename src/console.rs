@@ -11,7 +11,6 @@
 // Only the web interface uses it.
 #[cfg(feature = "web")]
 pub(crate) mod access;
-// As above.
 #[cfg(feature = "web")]
 mod alone;
 mod ask;

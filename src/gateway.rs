@@ -87,7 +87,6 @@ use self::shared::{Draft, Shared};
 use self::socket::Socket;
 use self::turns::Turns;
 use self::unit_health::AllUnits;
-// As above.
 #[cfg(feature = "web")]
 use self::web::Web;
 
@@ -170,7 +169,6 @@ impl<'g> Gateway<'g> {
             audit: [const { Audit::new() }; AUDIT as usize],
             audit_memory: None,
             calendar: [const { Calendar::new() }; AUDIT as usize],
-            // As above.
             #[cfg(feature = "web")]
             web: Web::new(),
             scanner: None,

@@ -61,7 +61,7 @@ pub use self::print::write_line;
 pub(crate) use self::print::{Shown, write_shown_line};
 pub(crate) use self::problem::Problem;
 pub use self::problem::{LineError, WORD_BYTES_MAX, Warning};
-#[cfg(feature = "web")] // As above.
+#[cfg(feature = "web")]
 pub(crate) use self::route_words::client_role;
 pub(crate) use self::route_words::units as parse_units;
 pub(crate) use self::users::{WithoutSecrets, user_name};

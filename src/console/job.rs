@@ -29,7 +29,6 @@ pub(super) enum Job<'g> {
     #[cfg(feature = "candidate")]
     Diff(Diff),
     /// The saved versions, of which this one is next.
-    // As above.
     #[cfg(feature = "candidate")]
     Versions {
         next: usize,
@@ -54,7 +53,6 @@ impl Job<'_> {
             Self::Scan(scan) => scan.step(session, event),
             Self::Tune(tune) => tune.step(session, event),
             Self::Point(point) => point.step(session, event),
-            // As above.
             #[cfg(feature = "candidate")]
             Self::Diff(diff) => diff.step(session),
             #[cfg(feature = "candidate")]

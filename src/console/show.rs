@@ -62,11 +62,11 @@ pub(crate) enum Show {
     // Only the web interface shows it.
     #[cfg(feature = "web")]
     Transactions,
-    #[cfg(feature = "web")] // As above.
+    #[cfg(feature = "web")]
     Details,
-    #[cfg(feature = "web")] // As above.
+    #[cfg(feature = "web")]
     Ethercat,
-    #[cfg(feature = "web")] // As above.
+    #[cfg(feature = "web")]
     Modules,
     Frames,
     Version,
@@ -87,10 +87,10 @@ pub(super) const TOPICS: &[(&str, (Show, &str))] = &[
     ("users", (Show::Users, "who may log in")),
     #[cfg(feature = "audit")]
     ("audit", (Show::Audit, "who changed what, from where, and what was refused")),
-    #[cfg(feature = "tls")] // As above.
+    #[cfg(feature = "tls")]
     ("certificates", (Show::Certificates, "those of tls: whose, and until when")),
     ("config", (Show::Config, "the settings as lines; config secrets: with hashes")),
-    #[cfg(feature = "candidate")] // As above.
+    #[cfg(feature = "candidate")]
     ("candidate", (Show::Candidate, "what commit would put in force")),
     ("network", (Show::Network, "the board's own address")),
     ("log", (Show::Log, "the last transactions")),
@@ -190,11 +190,11 @@ pub(super) fn write(
         Show::Users if settings::USERS => table(users::HEAD, users::row, out),
         #[cfg(feature = "audit")]
         Show::Audit => audit::row(source, system, place, out),
-        #[cfg(feature = "tls")] // As above.
+        #[cfg(feature = "tls")]
         Show::Certificates => certificates::row(source, system, place, out),
         Show::Config => write_shown_line(source.settings, place, Shown::WithoutSecrets, out),
         Show::Secrets => write_shown_line(source.settings, place, Shown::WithSecrets, out),
-        #[cfg(feature = "candidate")] // As above.
+        #[cfg(feature = "candidate")]
         Show::Candidate => diff::row(source, place, out),
         Show::Network => network(source.settings, system.network(), place, out),
         Show::Log => event(source, system, place, out),
@@ -222,7 +222,7 @@ const fn columns(what: Show) -> Columns {
         Show::Users => users::COLUMNS,
         #[cfg(feature = "audit")]
         Show::Audit => audit::COLUMNS,
-        #[cfg(feature = "tls")] // As above.
+        #[cfg(feature = "tls")]
         Show::Certificates => certificates::COLUMNS,
         Show::Clients => &[15, 21, -9, -9, -4, -10],
         Show::Stats => &[15, 14, -10, -10],

@@ -5,14 +5,14 @@ mod board;
 mod candidate;
 mod ends;
 mod help;
-#[cfg(feature = "users")] // As above.
+#[cfg(feature = "users")]
 mod network;
-#[cfg(feature = "points")] // As above.
+#[cfg(feature = "points")]
 mod points;
 mod saving;
 mod store;
 mod terminal;
-#[cfg(feature = "users")] // As above.
+#[cfg(feature = "users")]
 mod users;
 
 extern crate std;

@@ -45,14 +45,13 @@ pub(super) async fn receive<IO, U>(
     stream: &mut IO,
     update: &mut U,
     allow_older: bool,
-    #[cfg_attr(not(feature = "ssh"), allow(unused_variables))] // As above.
-    ahead: Option<&[u8]>,
+    #[cfg_attr(not(feature = "ssh"), allow(unused_variables))] ahead: Option<&[u8]>,
 ) -> Result<Result<Version, Failed>, IO::Error>
 where
     IO: Read + Write,
     U: Update,
 {
-    #[cfg(feature = "ssh")] // As above.
+    #[cfg(feature = "ssh")]
     if let Some(ahead) = ahead.filter(|_| U::EXISTS) {
         let received = piped::receive(stream, update, allow_older, ahead).await?;
         return Ok(received.map_err(|why| why.map_or(Failed::Stopped(Stopped::Silent), Failed::Refused)));

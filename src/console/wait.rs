@@ -40,16 +40,13 @@ pub(super) enum Wait {
     Commit {
         confirmed: Option<Duration>,
     },
-    // As above.
     #[cfg(feature = "candidate")]
     RollBack,
     /// This one of the saved versions to be the candidate, or to be written.
-    // As above.
     #[cfg(feature = "candidate")]
     BringBack {
         nth: usize,
     },
-    // As above.
     #[cfg(feature = "candidate")]
     Version {
         nth: usize,
@@ -81,7 +78,6 @@ pub(super) enum WaitEvent {
     /// The time is over, or there was nothing to wait for.
     Nothing,
     /// There is no further version.
-    // As above.
     #[cfg(feature = "candidate")]
     NoVersion,
     Key(u8),

@@ -44,13 +44,13 @@ pub fn updatable_device(modules: bool) -> &'static Device {
 }
 
 /// The same with long images.
-#[cfg(feature = "long-images")] // As above.
+#[cfg(feature = "long-images")]
 pub fn long_device(modules: bool) -> &'static Device {
     if modules { &LONG_WITH_MODULES } else { &LONG }
 }
 
 /// The gateway as a SubDevice with buffers for long images.
-#[cfg(feature = "long-images")] // As above.
+#[cfg(feature = "long-images")]
 #[doc(hidden)] // Public for tests/ only.
 pub type LongSubDevice<E, A> = SubDevice<
     E,

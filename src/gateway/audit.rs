@@ -25,9 +25,9 @@ use heapless::String;
 pub use self::line::{AUDIT_BYTES_MAX, AuditLine};
 pub use self::memory::AuditMemory;
 use self::memory::Rings;
-#[cfg(feature = "audit")] // As above.
+#[cfg(feature = "audit")]
 pub use self::message::MESSAGE_BYTES_MAX;
-#[cfg(feature = "audit")] // As above.
+#[cfg(feature = "audit")]
 pub(crate) use self::message::{loss, message};
 pub use self::stamp::Stamp;
 pub use self::state::Forwarding;

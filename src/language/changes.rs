@@ -147,7 +147,7 @@ fn put_port(
     if let Some(problem) = certificates::lacks_certificate(settings, &port.kind) {
         return Err(name.error(problem));
     }
-    #[cfg(feature = "tls")] // As above.
+    #[cfg(feature = "tls")]
     if !port.kind.has_roles() {
         let by_role = settings.routes.iter().map(|route| route.source == id && !route.role.is_none());
         if let Some(rules) = Rules::of(by_role) {
@@ -311,7 +311,7 @@ pub(crate) fn delete(settings: &mut Settings, words: &Words<'_>) -> Result<Chang
         }
         Thing::User if !USERS => return Err(words.take().error(Problem::NoUsers)),
         Thing::User => return users::delete_user(settings, words),
-        #[cfg(feature = "tls")] // As above.
+        #[cfg(feature = "tls")]
         Thing::Certificate => return certificates::delete_certificate(settings, words),
         _ if !POINTS => return Err(words.take().error(Problem::NoPoints)),
         Thing::Slaves => {

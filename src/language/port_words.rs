@@ -243,7 +243,7 @@ impl<'a> Draft<'a> {
 }
 
 /// Certificates are for TLS.
-#[cfg(feature = "tls")] // As above.
+#[cfg(feature = "tls")]
 fn check_tls(tls: &mut TlsSettings, blamed: &Blamed) -> Result<(), Wrong> {
     if !tls.on {
         blamed.refuse(Sort::OfTls, Problem::TlsOnly)?;

@@ -332,7 +332,6 @@ pub enum Warning {
         port: Name,
     },
     /// A web interface that is off.
-    // As above.
     #[cfg(feature = "web")]
     NobodyLogsIn {
         /// The port.
@@ -360,7 +359,6 @@ impl fmt::Display for Warning {
             Self::Circle { rule, unit, port } => {
                 write!(f, "{rule} leads unit {unit} in a circle: its requests come back by port {port}")
             }
-            // As above.
             #[cfg(feature = "web")]
             Self::NobodyLogsIn { port } => {
                 write!(

@@ -9,12 +9,12 @@ use super::{
     port_values::server_address,
     words::{Words, Wrong},
 };
-#[cfg(feature = "audit")] // As above.
+#[cfg(feature = "audit")]
 use crate::settings::Settings;
 use crate::settings::{Syslog, Transport};
 
 /// The port of syslog by UDP (RFC 5426 3.3), and the usual one by TCP.
-#[cfg(feature = "audit")] // As above.
+#[cfg(feature = "audit")]
 const SYSLOG_PORT: u16 = 514;
 
 const TRANSPORTS: &[(&str, Transport)] = &[("udp", Transport::Udp), ("tcp", Transport::Tcp)];
@@ -27,7 +27,6 @@ pub(crate) fn keywords() -> impl Iterator<Item = &'static str> {
 }
 
 /// `syslog ...`
-// As above.
 #[cfg(feature = "audit")]
 pub(crate) fn syslog(settings: &mut Settings, words: &Words<'_>) -> Result<Changed, Wrong> {
     let mut word = words.take();

@@ -239,7 +239,6 @@ syslog off\tsends it nowhere
         )
         .then(SYSLOG, &[]),
     ),
-    // As above.
     #[cfg(feature = "audit")]
     (
         "ntp",
@@ -275,7 +274,7 @@ user NAME key ssh-ed25519 KEY\ta public key for SSH; delete user NAME key ...
 #[cfg(not(feature = "tls"))] // Its lines are refused.
 const CERTIFICATE: Verb<Change> =
     Verb { lacks: Some(Lack::Tls), ..verb("this board has no TLS", changes::absent) };
-#[cfg(feature = "tls")] // As above.
+#[cfg(feature = "tls")]
 const CERTIFICATE: Verb<Change> = verb(
     "certificate NAME own|clients|servers FILE ...\tcertificates of ports with tls
 certificate NAME own FILE key FILE\tthe gateway's own, and its private key

@@ -54,7 +54,7 @@ pub enum RegisterBit {
 
 impl RegisterBit {
     /// All bits.
-    #[rustfmt::skip] // As above.
+    #[rustfmt::skip]
     pub const ALL: [Self; 16] = [
         Self::B0, Self::B1, Self::B2, Self::B3, Self::B4, Self::B5, Self::B6, Self::B7,
         Self::B8, Self::B9, Self::B10, Self::B11, Self::B12, Self::B13, Self::B14, Self::B15,

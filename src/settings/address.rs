@@ -44,7 +44,7 @@ pub struct IpPrefix {
 /// Rows of the table must be small: an address is 17 bytes long where it may be one of IPv6, and 4 where it may not.
 #[cfg(feature = "ipv6")]
 type Stored = IpAddr;
-#[cfg(not(feature = "ipv6"))] // As above.
+#[cfg(not(feature = "ipv6"))]
 type Stored = Ipv4Addr;
 
 impl IpPrefix {
@@ -58,7 +58,6 @@ impl IpPrefix {
     }
 
     fn address(&self) -> IpAddr {
-        // As above.
         #[cfg(feature = "ipv6")]
         return self.address;
         #[cfg(not(feature = "ipv6"))]

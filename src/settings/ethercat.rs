@@ -34,11 +34,11 @@ pub struct EthercatSettings {
 // See `EthercatSettings::exists`; also below.
 #[cfg(feature = "points")]
 type Exists = ();
-#[cfg(feature = "points")] // As above.
+#[cfg(feature = "points")]
 const EXISTS: Option<Exists> = Some(());
-#[cfg(not(feature = "points"))] // As above.
+#[cfg(not(feature = "points"))]
 type Exists = core::convert::Infallible;
-#[cfg(not(feature = "points"))] // As above.
+#[cfg(not(feature = "points"))]
 const EXISTS: Option<Exists> = None;
 
 impl EthercatSettings {

@@ -39,7 +39,7 @@ impl HttpSettings {
     pub(crate) const fn is_encrypted(&self) -> bool {
         #[cfg(feature = "tls")]
         return self.tls.on;
-        #[cfg(not(feature = "tls"))] // As above.
+        #[cfg(not(feature = "tls"))]
         false
     }
 }

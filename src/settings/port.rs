@@ -89,7 +89,6 @@ impl PortKind {
     }
 
     /// Whether, as a server with TLS, it serves only clients that show a certificate.
-    // As above.
     #[cfg(feature = "tls")]
     pub fn wants_certificates(&self) -> bool {
         match self {
@@ -102,10 +101,9 @@ impl PortKind {
 
     /// Whether its clients may have roles.
     pub(crate) fn has_roles(&self) -> bool {
-        // As above.
         #[cfg(feature = "tls")]
         return matches!(self, Self::TcpServer(server) if server.tls.on);
-        #[cfg(not(feature = "tls"))] // As above.
+        #[cfg(not(feature = "tls"))]
         false
     }
 
@@ -148,7 +146,6 @@ impl PortKind {
             Self::UdpServer(settings) => settings.field(key),
             Self::Ethercat(settings) => settings.field(key),
             Self::Scanner => None,
-            // As above.
             #[cfg(feature = "web")]
             Self::Http(settings) => settings.field(key),
         }
@@ -161,7 +158,6 @@ impl PortKind {
             Self::TcpServer(settings) => Self::TcpServer(settings.plain()),
             Self::TcpClient(settings) => Self::TcpClient(TcpClientSettings::new(settings.server.clone())),
             Self::UdpServer(settings) => Self::UdpServer(UdpServerSettings::new(settings.listen)),
-            // As above.
             #[cfg(feature = "web")]
             Self::Http(server) => Self::Http(HttpSettings::new(server.listen)),
             Self::Scanner => Self::Scanner,
@@ -290,13 +286,12 @@ impl TcpServerSettings {
             // Left out of images without TLS.
             #[cfg(feature = "tls")]
             key => return self.tls.field(key),
-            #[cfg(not(feature = "tls"))] // As above.
+            #[cfg(not(feature = "tls"))]
             _ => return None,
         })
     }
 }
 
-// As above.
 #[cfg(feature = "tls")]
 impl TlsSettings {
     fn field(&mut self, key: Key) -> Option<Field<'_>> {
@@ -326,10 +321,9 @@ impl TcpClientSettings {
             Key::LateWindow => Field::AutoTime(&mut self.late_window, &HOUR),
             Key::DownAfter => Field::Small(&mut self.down_after, &DOWN_AFTER),
             Key::Proof => Field::Proofs(&mut self.proofs),
-            // As above.
             #[cfg(feature = "tls")]
             key => return self.tls.field(key),
-            #[cfg(not(feature = "tls"))] // As above.
+            #[cfg(not(feature = "tls"))]
             _ => return None,
         })
     }
@@ -344,10 +338,9 @@ impl HttpSettings {
             Key::Allow => Field::Allow(&mut self.allowed),
             Key::Cleartext(is_clear) => Field::Flag(&mut self.cleartext, is_clear),
             Key::Metrics(is_open) => Field::Flag(&mut self.metrics, is_open),
-            // As above.
             #[cfg(feature = "tls")]
             key => return self.tls.field(key),
-            #[cfg(not(feature = "tls"))] // As above.
+            #[cfg(not(feature = "tls"))]
             _ => return None,
         })
     }

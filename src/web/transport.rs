@@ -157,7 +157,7 @@ impl<'s, T: TcpStream> Socket<Embassy> for Halves<'s, T> {
         Ok(())
     }
 
-    /// As above.
+    /// The stream's owner closes it.
     async fn shutdown<C: Timer<Embassy>>(self, _: &Timeouts, _: &C) -> Result<(), picoserve::Error<Lost>> {
         Ok(())
     }

@@ -173,7 +173,7 @@ test('power cuts in the last operations of a swap and of the way back leave a wh
     flash.bytes.set(swap.before);
     startWithCuts(prepared, once(swap.count - last), random);
     const image = program(flash);
-    // As above.
+    // Without its last operation the swap may be over, as the end of the trial.
     assert.ok(image.equals(other) || last === 1 && image.equals(old), `the last operations of the swap: ${last}`);
   }
   for (const last of [1, 2, 3, 4, 5]) {

@@ -15,7 +15,7 @@ use core::sync::atomic::{AtomicU32, Ordering};
 use cortex_m_rt::ExceptionFrame;
 use mobgate_board::last_words::{LastWords, WORDS_BYTES_MAX};
 
-#[cfg(feature = "audit")] // As above.
+#[cfg(feature = "audit")]
 pub use crate::kept::audit_memory;
 
 struct Kept(UnsafeCell<MaybeUninit<LastWords>>);

@@ -46,7 +46,7 @@ pub fn gateway() -> &'static Gateway<'static> {
         // Images without it are smaller, see Cargo.toml.
         #[cfg(feature = "audit")]
         let gateway = gateway.with_audit(mobgate_faults::audit_memory());
-        #[cfg(feature = "ethercat")] // As above.
+        #[cfg(feature = "ethercat")]
         let gateway = crate::states::join(gateway).with_capture(&CAPTURE);
         gateway
     })

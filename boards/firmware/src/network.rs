@@ -54,7 +54,7 @@ async fn run_sockets(sockets: &'static Sockets) -> ! {
     #[cfg(feature = "audit")]
     let mdns =
         embassy_futures::join::join(mdns::run(gateway, stack), mobgate_net::follow_audit(gateway, sockets));
-    #[cfg(not(feature = "audit"))] // As above.
+    #[cfg(not(feature = "audit"))]
     let mdns = mdns::run(gateway, stack);
     let all = pin!(join3(sockets.run(), address::follow(gateway, stack), mdns));
     let (never, ..) = LIVENESS.watch(Task::Sockets as usize, all).await;

@@ -15,10 +15,10 @@ use crate::sockets::Network;
 use crate::start::Problem;
 
 /// Fills bytes with random numbers that nobody can guess; returns whether it can.
-#[cfg(feature = "users")] // As above.
+#[cfg(feature = "users")]
 pub type Random = fn(&mut [u8]) -> bool;
 
-#[cfg(feature = "users")] // As above.
+#[cfg(feature = "users")]
 static PASSWORDS: static_cell::ConstStaticCell<Passwords> =
     static_cell::ConstStaticCell::new(Passwords::new());
 
@@ -31,7 +31,7 @@ pub struct Board {
     pub(crate) settings: Option<Problem>,
     firmware: RefCell<Option<FirmwareState>>,
     reboot: fn() -> !,
-    #[cfg(feature = "users")] // As above.
+    #[cfg(feature = "users")]
     passwords: (&'static Passwords, Random),
 }
 
@@ -48,13 +48,13 @@ impl Board {
             settings: None,
             firmware,
             reboot,
-            #[cfg(feature = "users")] // As above.
+            #[cfg(feature = "users")]
             passwords: (PASSWORDS.take(), |_| false),
         }
     }
 
     /// Takes the chip's random numbers, without which no password can be set.
-    #[cfg(feature = "users")] // As above.
+    #[cfg(feature = "users")]
     pub fn set_random(&mut self, random: Random) {
         self.passwords.1 = random;
     }
@@ -99,18 +99,18 @@ impl System for Board {
         self.firmware.borrow().clone()
     }
 
-    #[cfg(feature = "users")] // As above.
+    #[cfg(feature = "users")]
     async fn is_password(&self, hash: Option<&str>, password: &str) -> bool {
         self.passwords.0.is_right(hash, password)
     }
 
-    #[cfg(feature = "users")] // As above.
+    #[cfg(feature = "users")]
     async fn hash_password(&self, password: &str) -> Option<mobgate::settings::PasswordHash> {
         let (passwords, random) = self.passwords;
         passwords.hash(password, random)
     }
 
-    #[cfg(feature = "users")] // As above.
+    #[cfg(feature = "users")]
     fn random(&self, into: &mut [u8]) -> bool {
         (self.passwords.1)(into)
     }

@@ -19,7 +19,7 @@ pub async fn watch(mut feed: impl FnMut(), lights: &mut impl Lights, network: Ne
         // Images without it are smaller, see Cargo.toml.
         #[cfg(feature = "ethercat")]
         let ethercat = crate::states::ETHERCAT.light_for(lights, PERIOD).await;
-        #[cfg(not(feature = "ethercat"))] // As above.
+        #[cfg(not(feature = "ethercat"))]
         let ethercat = {
             embassy_time::Timer::after(PERIOD).await;
             false

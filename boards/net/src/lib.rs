@@ -24,18 +24,18 @@ pub mod mdns;
 mod names;
 mod pool;
 mod queued;
-#[cfg(feature = "audit")] // As above.
+#[cfg(feature = "audit")]
 mod sntp;
 // Images without it have no console by network.
 #[cfg(feature = "ssh")]
 mod ssh;
 mod syn;
-#[cfg(feature = "audit")] // As above.
+#[cfg(feature = "audit")]
 mod syslog;
 mod tcp;
 mod udp;
 
-#[cfg(feature = "audit")] // As above.
+#[cfg(feature = "audit")]
 pub use audit::follow_audit;
 pub use backlog::Backlog;
 pub use connector::Connector;

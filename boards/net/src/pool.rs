@@ -106,7 +106,7 @@ impl PooledTcp {
     }
 
     /// The pool that it is of.
-    #[cfg(feature = "ssh")] // As above.
+    #[cfg(feature = "ssh")]
     pub(crate) fn sockets(&self) -> &'static Sockets {
         self.lease.sockets
     }

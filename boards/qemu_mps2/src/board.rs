@@ -89,7 +89,6 @@ impl Board {
         Self {
             sockets,
             last_words,
-            // As above.
             #[cfg(feature = "users")]
             passwords: PASSWORDS.take(),
         }
@@ -116,7 +115,7 @@ impl System for Board {
         self.passwords.is_right(hash, password)
     }
 
-    #[cfg(feature = "users")] // As above.
+    #[cfg(feature = "users")]
     async fn hash_password(&self, password: &str) -> Option<mobgate::settings::PasswordHash> {
         self.passwords.hash(password, |salt| self.random(salt))
     }

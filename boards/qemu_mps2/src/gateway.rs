@@ -21,19 +21,17 @@ static CAPTURE: Capture = Capture::new();
 static CANDIDATE: mobgate::gateway::Candidate = mobgate::gateway::Candidate::new();
 
 /// The gateway.
-// The image without data points and EtherCAT is smaller, see Cargo.toml.
+// The image without data points and EtherCAT is smaller, see Cargo.toml; so are those without `audit` or `web`.
 #[cfg(feature = "ethercat")]
 pub(crate) static GATEWAY: Gateway<'static> = crate::ethercat::join(gateway());
 /// The gateway.
-#[cfg(not(feature = "ethercat"))] // As above.
+#[cfg(not(feature = "ethercat"))]
 pub(crate) static GATEWAY: Gateway<'static> = gateway();
 
 const fn gateway() -> Gateway<'static> {
     let gateway = Gateway::new(&POOL, &PORT_STATES, &CONNECTION_STATES).with_own_network();
-    // As above.
     #[cfg(feature = "audit")]
     let gateway = gateway.with_audit(mobgate_faults::audit_memory());
-    // As above.
     #[cfg(feature = "web")]
     let gateway = gateway.with_candidate(&CANDIDATE);
     gateway.with_capture(&CAPTURE)

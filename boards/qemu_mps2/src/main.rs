@@ -6,7 +6,7 @@
 
 mod board;
 mod clock;
-#[cfg(feature = "ethercat")] // The image without is smaller, see Cargo.toml.
+#[cfg(feature = "ethercat")] // Images without this, `ssh` or `web` are smaller, see Cargo.toml.
 mod ethercat;
 mod ethernet;
 mod executor;
@@ -21,12 +21,12 @@ mod network;
 mod register;
 mod ring;
 mod semihosting;
-#[cfg(feature = "ssh")] // As above.
+#[cfg(feature = "ssh")]
 mod ssh;
 mod transmitter;
 mod uart;
 mod vectors;
-#[cfg(feature = "web")] // As above.
+#[cfg(feature = "web")]
 mod web;
 
 use mobgate::settings::PortId;
@@ -80,12 +80,12 @@ fn main() -> ! {
         (0..PORTS).for_each(|index| spawner.spawn(port(PortId(index as u8), sockets).unwrap()));
         (0..CONNECTIONS).for_each(|index| spawner.spawn(connection(index, sockets).unwrap()));
         network::spawn(spawner, runner, sockets);
-        #[cfg(feature = "ssh")] // As above.
+        #[cfg(feature = "ssh")]
         ssh::start(spawner, sockets, store.another(), board);
-        #[cfg(feature = "web")] // As above.
+        #[cfg(feature = "web")]
         web::start(spawner, sockets, &store, board);
         spawner.spawn(console(store, board).unwrap());
-        #[cfg(feature = "ethercat")] // As above.
+        #[cfg(feature = "ethercat")]
         ethercat::start(spawner);
         spawner.spawn(figures(sockets).unwrap());
     })

@@ -124,7 +124,7 @@ pub async fn run(spawner: Spawner, info: &'static Info, p: Peripherals) -> ! {
 }
 
 /// Fills `into` with bits of the ring oscillator: good enough for the salt of a password, which need not be secret.
-#[cfg(feature = "users")] // As above.
+#[cfg(feature = "users")] // Images without them are smaller, see Cargo.toml.
 fn random(into: &mut [u8]) -> bool {
     embassy_rp::clocks::RoscRng.fill_bytes(into);
     true
@@ -163,7 +163,7 @@ async fn serve(
     info: &'static Info,
     forget: bool,
 ) -> ! {
-    #[cfg(feature = "users")] // Images without them are smaller, see Cargo.toml.
+    #[cfg(feature = "users")]
     board.set_random(random);
     let flash = SharedFlash::new(flash);
     let firmware = Mutex::new(updater(&flash, *info));

@@ -49,7 +49,7 @@ macro_rules! line {
             line!(@ $p, $number, $uart, $from $dma $stream, $to, Some(Output::new($p.$driver, Level::Low, Speed::High)),
                 Uart::new_blocking($p.$uart, $p.$receive, $p.$transmit, first_config()))
         };
-        #[cfg(not(feature = "f4"))] // As above.
+        #[cfg(not(feature = "f4"))]
         let line = line!(@ $p, $number, $uart, $from $dma $stream, $to, None,
             Uart::new_blocking_with_de($p.$uart, $p.$receive, $p.$transmit, $p.$driver, first_config()));
         line
@@ -65,7 +65,7 @@ pub async fn run(spawner: Spawner, info: &'static Info, p: Peripherals) -> ! {
     // On the H7, watchdogs are numbered by core.
     #[cfg(feature = "h7")]
     let watchdog = p.IWDG1;
-    #[cfg(not(feature = "h7"))] // As above.
+    #[cfg(not(feature = "h7"))]
     let watchdog = p.IWDG;
     let mut watchdog = IndependentWatchdog::new(watchdog, WATCHDOG_US);
     // Before anything that may hang.
@@ -112,7 +112,7 @@ pub async fn run(spawner: Spawner, info: &'static Info, p: Peripherals) -> ! {
     // One bank, see `flash`.
     #[cfg(feature = "f7")]
     let flash = Flash::new_blocking(p.FLASH);
-    #[cfg(not(feature = "f7"))] // As above.
+    #[cfg(not(feature = "f7"))]
     let flash = Flash::new(p.FLASH, Interrupts);
     // Spawned once: the task slot is free.
     spawner.spawn(serve(board, terminal, ChipFlash::new(flash), info, forget).unwrap());

@@ -29,7 +29,6 @@ pub(crate) use embassy_stm32::pac::usart::regs::Sr as State;
 
 /// Reads the flags.
 pub(crate) fn state(uart: Usart) -> State {
-    // As above.
     #[cfg(feature = "f4")]
     return uart.sr().read();
     #[cfg(not(feature = "f4"))]
@@ -181,6 +180,6 @@ pub(crate) fn interrupt_when_sent(on: bool) {
     // The H7's MAC is of a newer generation.
     #[cfg(feature = "h7")]
     dma.dmacier().modify(|enabled| enabled.set_tie(on));
-    #[cfg(not(feature = "h7"))] // As above.
+    #[cfg(not(feature = "h7"))]
     dma.dmaier().modify(|enabled| enabled.set_tie(on));
 }

@@ -23,7 +23,6 @@ pub fn layout() -> Layout {
 
 /// F4 chips before revision 3 misread bank 2 unless PA12 is held low (errata 2.2.11): drives it.
 pub(crate) fn hold_second_bank() {
-    // As above.
     #[cfg(feature = "f4")]
     {
         use embassy_stm32::pac::gpio::vals::{Moder, Pupdr};

@@ -24,7 +24,6 @@ pub fn restart() -> ! {
 pub fn run() -> ! {
     // Before anything that may hang. It goes on in the program: one that hangs at its start is swapped back.
     watchdog::start();
-    // As above.
     #[cfg(feature = "f7")]
     one_bank::check();
     flash::hold_second_bank();

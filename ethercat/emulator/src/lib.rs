@@ -65,7 +65,7 @@
 mod access;
 #[cfg(feature = "bench")] // The controller alone needs no simulated network.
 pub mod bench;
-#[cfg(feature = "bench")] // As above.
+#[cfg(feature = "bench")]
 pub mod cable;
 pub mod chip;
 pub mod command;
@@ -77,13 +77,13 @@ pub mod fmmu;
 pub mod frame;
 #[cfg(feature = "interface")] // Linux only, and needs additional crates.
 pub mod interface;
-#[cfg(feature = "bench")] // As above.
+#[cfg(feature = "bench")]
 pub mod lan9252;
 pub mod main_device;
 #[cfg(feature = "ethercrab")] // Needs the ethercrab crate.
 pub mod master;
 mod memory;
-#[cfg(all(feature = "bench", feature = "interface"))] // As above.
+#[cfg(all(feature = "bench", feature = "interface"))]
 pub mod packet;
 mod passing;
 pub mod pcap;
@@ -93,23 +93,23 @@ pub mod probe;
 pub mod registers;
 mod reset;
 mod reset_sequence;
-#[cfg(feature = "bench")] // As above.
+#[cfg(feature = "bench")]
 pub mod samples;
 pub mod segment;
-#[cfg(feature = "bench")] // As above.
+#[cfg(feature = "bench")]
 pub mod sub_device;
 pub mod sync_manager;
 mod watchdog;
 
-#[cfg(feature = "bench")] // As above.
+#[cfg(feature = "bench")]
 pub use cable::{Cable, FrameFaults, SharedSegment};
 pub use chip::{Chip, Kind, SharedChip};
 pub use command::Command;
 pub use dc::sync::SyncLine;
-#[cfg(feature = "bench")] // As above.
+#[cfg(feature = "bench")]
 pub use lan9252::Lan9252;
 pub use main_device::MainDevice;
-#[cfg(feature = "bench")] // As above.
+#[cfg(feature = "bench")]
 pub use mobgate_world::{self as world, Random, World};
 pub use pdi::{DirectPdi, Interrupt, SyncPin};
 pub use probe::Response;

@@ -7,7 +7,7 @@ mod faulty;
 #[cfg(feature = "ethercrab")] // Needs the ethercrab crate.
 mod in_step;
 mod paced;
-#[cfg(feature = "ethercrab")] // As above.
+#[cfg(feature = "ethercrab")]
 mod start;
 
 use std::cell::RefCell;
@@ -28,10 +28,10 @@ use mobgate_world::World;
 pub use clocked::{Clocked, note_pulses};
 pub use echo::{Echo, SharedEcho, image, sequence};
 pub use faulty::{BusFaults, Counted, Counts, Faulty};
-#[cfg(feature = "ethercrab")] // As above.
+#[cfg(feature = "ethercrab")]
 pub use in_step::{InStep, StepGroup, StepSetup, exchange_in_step, in_step};
 pub use paced::Paced;
-#[cfg(feature = "ethercrab")] // As above.
+#[cfg(feature = "ethercrab")]
 pub use start::{
     AtPace, Dispatcher, Exchanged, Group, SpiCost, StartUp, at_cable, cable, exchange_at_pace,
     exchange_images, exchange_images_on, spi_traffic, start_up, with_master,

@@ -111,7 +111,7 @@ fn syslog_and_ntp_servers_are_one_each_at_their_usual_ports() {
         ("syslog tcp 192.168.1.9:601", "syslog tcp 192.168.1.9:601"),
         ("ntp 192.168.1.1", "ntp 192.168.1.1:123"),
         ("ntp 192.168.1.1:1123", "ntp 192.168.1.1:1123"),
-        #[cfg(feature = "servers")] // As above.
+        #[cfg(feature = "servers")]
         ("ntp time.example", "ntp time.example:123"),
     ] {
         apply(&mut settings, line).unwrap();

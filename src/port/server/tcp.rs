@@ -31,10 +31,8 @@ mod response;
 // A separate file, not a `cfg!` branch: what an `async` function awaits stays in its future even behind a false constant.
 #[cfg_attr(not(feature = "capture"), path = "tcp/no_export.rs")]
 mod export;
-// As above.
 #[cfg_attr(not(feature = "ssh"), path = "tcp/no_ssh.rs")]
 mod ssh;
-// As above.
 #[cfg_attr(not(feature = "tls"), path = "tcp/no_tls.rs")]
 mod tls;
 mod window;

@@ -14,7 +14,7 @@ pub const MASTER_END: &str = "ecm0";
 pub const SEGMENT_END: &str = "ecs0";
 /// The ends of a second cable, for a ring.
 pub const SECOND_MASTER_END: &str = "ecm1";
-/// As above.
+/// The other end of the second cable.
 pub const SECOND_SEGMENT_END: &str = "ecs1";
 
 const REPOSITORY: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");

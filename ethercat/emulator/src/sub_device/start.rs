@@ -335,7 +335,7 @@ pub fn exchange_images(device: &'static Device, cycles: u64, pause_us: u64) -> R
 /// The same on another chip, and with a SubDevice with buffers for `OUTPUTS` and `INPUTS` bytes.
 ///
 /// # Errors
-/// As above.
+/// Errors of the MainDevice.
 pub fn exchange_images_on<const OUTPUTS: usize, const INPUTS: usize>(
     kind: Kind,
     device: &'static Device,

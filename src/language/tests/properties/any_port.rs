@@ -190,7 +190,7 @@ fn any_tls(trust: usize) -> impl Strategy<Value = TlsSettings> {
     })
 }
 
-#[cfg(not(feature = "tls"))] // As above.
+#[cfg(not(feature = "tls"))]
 fn any_tls(_: usize) -> impl Strategy<Value = ()> {
     Just(())
 }

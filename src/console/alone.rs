@@ -57,7 +57,6 @@ impl<'s, 'g> Running<'s, 'g> {
         &self.session.out.text
     }
 
-    /// Whether it has failed.
     pub(crate) fn has_failed(&self) -> bool {
         self.session.failed
     }

@@ -27,7 +27,6 @@ pub(super) const CONFIRMED_RANGE: RangeInclusive<Duration> =
 /// Longest description of a version by a store.
 const VERSION_BYTES_MAX: usize = 128;
 
-/// The commands.
 pub(super) const COMMANDS: Verbs<Run> = &[
     (
         "candidate",

@@ -291,7 +291,6 @@ pub(super) fn known(at: usize) -> Option<Known> {
     }
 }
 
-/// All commands.
 pub(super) fn commands() -> impl Iterator<Item = Known> {
     (0..).map_while(known)
 }

@@ -16,7 +16,6 @@ use crate::routing::{self, Client, Decision};
 use crate::scanner::Pdu;
 use crate::settings::{ClientRole, PortId, Role, Settings, Special, TLS};
 
-/// The command.
 pub(super) const COMMAND: (&str, Verb<Run>) = (
     "explain",
     command(

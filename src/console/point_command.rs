@@ -1,6 +1,5 @@
 //! Commands that act on a data point.
 
-/// A command on a point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum PointCommand {
     Read,

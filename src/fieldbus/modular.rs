@@ -18,7 +18,6 @@ use crate::settings::SlaveSettings;
 
 /// The device's own PDO, after those of the modules.
 pub(super) const STATUS_PDO: u16 = 0x1a20;
-/// Its bytes.
 pub(super) const OWN_BYTES: u32 = 2;
 /// Most entries of a PDO: its sub-indices 1 to 254.
 pub(super) const PDO_ENTRIES_MAX: usize = 254;

@@ -19,7 +19,6 @@ use crate::settings::SlaveSettings;
 /// The settings of the module in slot 0.
 const SETTINGS: u16 = 0x8000;
 
-/// The slots.
 pub(super) struct Slots<'p> {
     shared: &'p EthercatState,
     /// The modules expected by the MainDevice (F030h).

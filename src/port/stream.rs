@@ -126,7 +126,6 @@ impl Input {
         self.length = self.length.saturating_sub(count);
     }
 
-    /// Whether it is empty.
     pub(crate) fn is_empty(&self) -> bool {
         self.length == 0
     }

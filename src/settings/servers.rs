@@ -18,7 +18,6 @@ pub(crate) const SERVERS_MAX: usize = match (SERVERS, cfg!(feature = "small")) {
     (true, false) => 128,
 };
 
-/// Servers of one port.
 pub(crate) const PORT_SERVERS_MAX: usize = match (SERVERS, cfg!(feature = "small")) {
     (false, _) => 1,
     (true, true) => 8,

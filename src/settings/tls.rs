@@ -19,7 +19,6 @@ const FILE_BYTES_MAX: usize = 127;
 /// The path of a file.
 pub type FileName = String<FILE_BYTES_MAX>;
 
-/// All certificates.
 pub(crate) type Certificates = Vec<Certificate, CERTIFICATES_MAX>;
 
 /// A file of certificates (PEM), and what they are for.

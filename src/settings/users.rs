@@ -39,7 +39,6 @@ pub(crate) enum Role {
     Engineer,
 }
 
-/// A user.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct User {
     pub(crate) name: Name,
@@ -49,5 +48,4 @@ pub(crate) struct User {
     pub(crate) keys: Vec<PublicKey, USER_KEYS_MAX>,
 }
 
-/// All users.
 pub(crate) type Users = Vec<User, USERS_MAX>;

@@ -35,7 +35,6 @@ pub struct Settings {
     pub points: Vec<PointSettings, POINTS_MAX>,
     /// The devices behind the EtherCAT process image, in the order of their values.
     pub slaves: Vec<SlaveSettings, SLAVES_MAX>,
-    /// The users.
     pub(crate) users: Users,
 }
 

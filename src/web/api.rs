@@ -180,7 +180,6 @@ pub(super) struct Api<'a, 'g, S, U, Y> {
     pub(super) life: &'a Life,
 }
 
-/// The caller.
 pub(super) struct Caller {
     pub(super) name: Name,
     pub(super) role: Role,

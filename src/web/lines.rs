@@ -16,7 +16,6 @@ const MEMBER_BYTES_MAX: usize = 24;
 /// Columns of all forms of a verb.
 const COLUMNS_MAX: usize = 12;
 
-/// A line.
 pub(super) type Line = String<LINE_BYTES_MAX>;
 type Name = String<MEMBER_BYTES_MAX>;
 

@@ -64,7 +64,6 @@ pub(super) struct Response<'s, 'g> {
     content: Content<'s, 'g>,
 }
 
-/// Its content.
 // One at a time.
 #[allow(clippy::large_enum_variant)]
 pub(super) enum Content<'s, 'g> {

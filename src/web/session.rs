@@ -9,7 +9,6 @@ use crate::gateway::Gateway;
 use crate::gateway::web::Token;
 use crate::settings::{Name, Role};
 
-/// The cookie.
 pub(super) const COOKIE: &str = "mobgate-session";
 
 /// A token as text.

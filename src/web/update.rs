@@ -72,7 +72,6 @@ impl<R: Read> Upload<'_, R> {
         chunk.get(..count)
     }
 
-    /// Writes all of it.
     async fn write<U: Update>(&mut self, update: &mut U) -> Result<Version, Untaken> {
         let length = u32::try_from(self.left).map_err(|_| UpdateError::TooLong)?;
         let begun = Begun(update);

@@ -7,7 +7,6 @@ pub(crate) static CRC: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&CRC_32_ISO_
 
 /// Format version. A head with another version is left alone and reported.
 const VERSION: u8 = 1;
-/// Bytes of a head.
 pub(crate) const HEAD_BYTES: usize = 10;
 
 /// The valid copy, its length and its checksum.

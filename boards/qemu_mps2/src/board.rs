@@ -68,7 +68,6 @@ pub(crate) fn load(gateway: &Gateway<'_>) -> Store {
 static PASSWORDS: static_cell::ConstStaticCell<Passwords> =
     static_cell::ConstStaticCell::new(Passwords::new());
 
-/// This board.
 pub(crate) struct Board {
     sockets: &'static Sockets,
     /// Why the last run ended, if it was a fault.

@@ -13,7 +13,6 @@ const WORD_BYTES: usize = 32;
 const ERASE_STEP_BYTES: usize = 1024;
 const SECTORS: usize = 2;
 
-/// The flash.
 pub(crate) struct FileFlash(File);
 
 impl FileFlash {

@@ -20,11 +20,9 @@ static CAPTURE: Capture = Capture::new();
 #[cfg(feature = "web")] // Only the web interface changes it.
 static CANDIDATE: mobgate::gateway::Candidate = mobgate::gateway::Candidate::new();
 
-/// The gateway.
 // The image without data points and EtherCAT is smaller, see Cargo.toml; so are those without `audit` or `web`.
 #[cfg(feature = "ethercat")]
 pub(crate) static GATEWAY: Gateway<'static> = crate::ethercat::join(gateway());
-/// The gateway.
 #[cfg(not(feature = "ethercat"))]
 pub(crate) static GATEWAY: Gateway<'static> = gateway();
 

@@ -6,7 +6,6 @@
 use embassy_rp::gpio::Output;
 use mobgate_firmware::lights::{Lamps, Lights};
 
-/// The light.
 pub(crate) struct Light(pub(crate) Output<'static>);
 
 /// One light is not enough for it.

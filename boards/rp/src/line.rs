@@ -76,7 +76,6 @@ const fn receiver(nth: usize) -> usize {
     nth * MACHINES + 1
 }
 
-/// A line.
 pub(crate) struct PioLine {
     pio: pac::pio::Pio,
     transmitter: usize,

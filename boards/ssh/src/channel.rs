@@ -45,7 +45,6 @@ pub(crate) enum Kind {
     Line,
 }
 
-/// The channel.
 pub(crate) struct Channel {
     /// What the client calls it; `None` before it is open.
     theirs: Option<u32>,

@@ -43,7 +43,6 @@ pub(crate) fn updater(
     Updater::new(flash, layout(), Trust { running, key: PUBLIC_KEY })
 }
 
-/// All of the flash.
 pub(crate) struct ChipFlash(Flash<'static, Mode>);
 
 impl ChipFlash {

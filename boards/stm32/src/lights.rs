@@ -11,7 +11,6 @@ use embassy_stm32::Peri;
 use embassy_stm32::gpio::{AnyPin, Level, Output, Speed};
 use mobgate_firmware::lights;
 
-/// The lights.
 pub(crate) struct Lights {
     green: Output<'static>,
     blue: Output<'static>,

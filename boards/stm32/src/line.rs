@@ -43,7 +43,6 @@ impl Drop for Release {
     }
 }
 
-/// A line.
 pub(crate) struct UartLine {
     number: u8,
     setup: Uart<'static, Blocking>,

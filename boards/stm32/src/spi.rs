@@ -9,7 +9,6 @@ use embedded_hal_async::spi::{ErrorType, SpiBus};
 /// time of these bytes, in which no other task runs, but interrupts do.
 const DIRECT_BYTES_MAX: usize = 16;
 
-/// The bus.
 pub(crate) struct Bus(pub(crate) Spi<'static, Async, Master>);
 
 impl ErrorType for Bus {

@@ -10,7 +10,6 @@ use embassy_stm32::pac::iwdg::vals::{Key, Pr};
 /// Counts of the 32 kHz oscillator, divided by 128: 10 s. It may run a third fast; the longest operation is an erase of an F7: 4 s at worst.
 const RELOAD: u16 = 2_500 - 1;
 
-/// Starts it.
 pub(crate) fn start() {
     IWDG.kr().write(|command| command.set_key(Key::ENABLE));
     IWDG.pr().write(|prescaler| prescaler.set_pr(Pr::DIVIDE_BY128));

@@ -35,7 +35,6 @@ const COE: u16 = 0x0004;
 const FOE: u16 = 0x0008;
 /// FoE, in the category General.
 const FOE_ENABLED: u8 = 0x01;
-/// CoE: SDO.
 const COE_SDO: u8 = 0x01;
 /// The other CoE services: the ESI file's attribute, the bit here, and whether it is supported.
 pub(crate) fn coe_details(device: &Device) -> [(&'static str, u8, bool); 5] {

@@ -13,7 +13,6 @@ const BAUDS: [u32; 8] = [9_600, 19_200, 38_400, 115_200, 57_600, 4_800, 2_400, 1
 /// RTU formats, the likely ones first; two stop bits after one, because a receiver for one accepts two.
 const RTU_FORMATS: [Format; 4] =
     [(8, Parity::Even, 1), (8, Parity::None, 1), (8, Parity::Odd, 1), (8, Parity::None, 2)];
-/// Formats in ASCII.
 const ASCII_FORMATS: [Format; 4] =
     [(7, Parity::Even, 1), (7, Parity::None, 2), (7, Parity::Odd, 1), (8, Parity::None, 1)];
 /// Data bits, parity, stop bits.

@@ -22,7 +22,6 @@ const HEADER_BYTES_MAX: usize = 7 + 28 + 8 + 11 + 15 + 34;
 /// Longest message in bytes.
 pub const MESSAGE_BYTES_MAX: usize = HEADER_BYTES_MAX + HOST_NAME_MAX + AUDIT_BYTES_MAX;
 
-/// A message.
 pub(crate) type Message = String<MESSAGE_BYTES_MAX>;
 
 /// A line of the trail as a message. The number of the line is its `sequenceId` (RFC 5424, 7.3.1).

@@ -38,7 +38,6 @@ pub(crate) struct DirectRequestState {
 /// Trial settings for a serial client's line.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Trial {
-    /// The port.
     pub(crate) port: PortId,
     /// The line settings on trial.
     pub(crate) line: LineSettings,

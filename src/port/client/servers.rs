@@ -35,7 +35,6 @@ enum Path {
     Closed,
 }
 
-/// One server.
 struct Server {
     units: UnitRange,
     tag: Tag,

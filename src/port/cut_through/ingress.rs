@@ -58,7 +58,6 @@ impl<'g> Ingress<'g> {
         Self { writer, framing }
     }
 
-    /// The frame.
     pub(crate) fn frame(&self) -> &Frame<'g> {
         self.writer.frame()
     }

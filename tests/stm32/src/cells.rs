@@ -5,7 +5,6 @@ use std::ops::Range;
 
 use crate::chip::{FLASH, FLASH_BYTES, Family};
 
-/// Cells.
 pub(crate) struct Cells {
     bytes: Vec<u8>,
     /// Words with error correction that were half written, by their addresses.

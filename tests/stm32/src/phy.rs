@@ -7,7 +7,6 @@ const UP: u16 = 1 << 2 | 1 << 5;
 /// 100 and 10 Mbit/s, full and half duplex, IEEE 802.3.
 const ABILITIES: u16 = 0x01e1;
 
-/// A PHY.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Phy {
     /// It is there, and gives its clock.

@@ -28,7 +28,6 @@ pub(crate) struct Clocks {
     pub(crate) fast: u64,
     /// Of the timers on the slower bus.
     pub(crate) timers: u64,
-    /// Of the SPI.
     pub(crate) spi: u64,
     /// Of the random numbers; zero if it stands still.
     pub(crate) random: u64,

@@ -22,7 +22,6 @@ pub(crate) trait Target {
     fn interrupt(&self, at: Time) -> bool;
 }
 
-/// The SPI.
 pub(crate) struct Spi {
     h7: bool,
     registers: Bank,

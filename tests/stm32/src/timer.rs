@@ -10,7 +10,6 @@ const CNT: u32 = 0x24;
 const PSC: u32 = 0x28;
 const CCR1: u32 = 0x34;
 
-/// The timer.
 pub(crate) struct Timer {
     registers: Bank,
     /// The count when the time was `since`.

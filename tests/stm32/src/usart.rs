@@ -60,7 +60,6 @@ const NEW: Layout = Layout {
     transmit: 0x28,
 };
 
-/// A USART.
 pub(crate) struct Usart {
     layout: &'static Layout,
     registers: Bank,

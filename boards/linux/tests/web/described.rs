@@ -18,7 +18,6 @@ const UPDATE: &str = "/api/v1/update";
 /// An image that no board has memory for.
 const TOO_LONG: usize = 4 * 1_024 * 1_024 + 1;
 
-/// The description.
 struct Description(Value);
 
 /// A path, a method, and a status.

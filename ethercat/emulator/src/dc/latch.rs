@@ -6,7 +6,6 @@ use crate::memory::Memory;
 use crate::registers::{LATCH_CONTROL, LATCH_STATUS, LATCH_TIMES, PDI_CONFIG, SYNC_UNIT};
 use crate::sync_manager::Side;
 
-/// Bytes of a time.
 const TIME_BYTES: u16 = 8;
 /// The pin's level in a latch's status, behind the events of the two edges.
 const LEVEL: u8 = 1 << 2;

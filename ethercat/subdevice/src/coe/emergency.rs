@@ -43,7 +43,6 @@ pub struct Emergency {
 }
 
 impl Emergency {
-    /// Its message.
     pub(crate) fn message(self) -> Payload {
         Service::Emergency.message(&[&self.code.to_le_bytes(), &[self.register], &self.data])
     }

@@ -8,7 +8,6 @@ use mobgate_stm32_emulator::{Machine, Uart};
 use crate::clients::{FAST, crc};
 use crate::lines::bytes;
 
-/// A drive.
 pub(crate) struct Drive {
     value: Rc<Cell<u16>>,
     asked: Vec<u8>,

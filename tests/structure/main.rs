@@ -38,6 +38,7 @@ const CRATES: &[&str] = &[
     "boards/stm32/src/lib.rs",
     "boards/stm32_boot/src/lib.rs",
     "boards/update/src/lib.rs",
+    "tests/simulator/src/lib.rs",
 ];
 
 fn first_file(of_crate: &str) -> PathBuf {

@@ -10,10 +10,13 @@ use crate::device;
 use crate::net::ClientStream;
 
 pub mod load;
+mod reply;
 mod rtu;
 pub mod session;
 #[cfg(test)]
 mod tests;
+
+pub use reply::Reply;
 
 /// MBAP header: transaction, protocol, length, unit.
 const HEADER_BYTES: usize = 7;
@@ -44,19 +47,6 @@ impl Response {
             _ => None,
         }
     }
-}
-
-/// A frame as it came.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Reply {
-    /// Transaction id.
-    pub transaction: u16,
-    /// Protocol id, 0 in Modbus.
-    pub protocol: u16,
-    /// Unit id.
-    pub unit: u8,
-    /// The PDU; may be empty in a wrong frame.
-    pub pdu: Vec<u8>,
 }
 
 /// Why [`Client::receive`] has no frame.

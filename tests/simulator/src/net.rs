@@ -16,18 +16,23 @@ use mobgate::settings::TcpListen;
 
 use crate::random::Random;
 
+mod client_stream;
+mod mailbox;
 mod outgoing;
+mod outside;
 mod pipe;
 #[cfg(test)]
 mod tests;
 mod udp;
 
-use outgoing::{Outside, Socket};
+pub use client_stream::ClientStream;
+use mailbox::Mailbox;
+pub use mailbox::Weather;
 pub use outgoing::{Server, SimTcpConnect};
+use outside::Outside;
 pub use pipe::Path;
 pub(crate) use pipe::Pipe;
-use udp::Mailbox;
-pub use udp::{SimUdpHost, SimUdpSocket, UdpClient, Weather};
+pub use udp::{SimUdpHost, SimUdpSocket, UdpClient};
 
 /// Connections that wait for an `accept`; one more is refused.
 const BACKLOG_MAX: usize = 128;
@@ -260,59 +265,29 @@ impl Write for GatewayStream {
     }
 }
 
-/// A client's end of a connection. Dropping it closes it, as a program that ends does.
-pub struct ClientStream {
-    incoming: Pipe,
-    outgoing: Pipe,
-}
+/// One of the board's sockets, in use until it is dropped.
+struct Socket(Network);
 
-impl ClientStream {
-    /// The receiving half, for a task that receives while another one sends. It does not keep the connection open.
-    pub(crate) fn reader(&self) -> Pipe {
-        self.incoming.clone()
-    }
-
-    /// Sends the FIN behind what was written, and goes on reading: a half-closed connection.
-    pub fn finish(&mut self) {
-        self.outgoing.finish();
-    }
-
-    /// Resets the connection: both directions are dead at once.
-    pub fn reset(self) {
-        self.outgoing.reset();
-        self.incoming.reset();
-    }
-
-    /// Vanishes: the gateway hears nothing more, neither data nor FIN nor reset.
-    pub fn vanish(self) {
-        self.outgoing.go_silent();
-        self.incoming.go_silent();
+impl Socket {
+    fn take(network: &Network) -> Option<Self> {
+        let mut state = network.0.borrow_mut();
+        if let Some(left) = &mut state.outside.sockets {
+            *left = left.checked_sub(1)?;
+        }
+        let counters = &mut state.counters;
+        counters.sockets += 1;
+        counters.sockets_most = counters.sockets_most.max(counters.sockets);
+        drop(state);
+        Some(Self(network.clone()))
     }
 }
 
-impl Drop for ClientStream {
+impl Drop for Socket {
     fn drop(&mut self) {
-        self.outgoing.finish();
-        self.incoming.abandon();
-    }
-}
-
-impl ErrorType for ClientStream {
-    type Error = ErrorKind;
-}
-
-impl Read for ClientStream {
-    async fn read(&mut self, into: &mut [u8]) -> Result<usize, ErrorKind> {
-        self.incoming.read(into).await
-    }
-}
-
-impl Write for ClientStream {
-    async fn write(&mut self, bytes: &[u8]) -> Result<usize, ErrorKind> {
-        self.outgoing.write(bytes).await
-    }
-
-    async fn flush(&mut self) -> Result<(), ErrorKind> {
-        Ok(())
+        let mut state = self.0.0.borrow_mut();
+        if let Some(left) = &mut state.outside.sockets {
+            *left += 1;
+        }
+        state.counters.sockets -= 1;
     }
 }

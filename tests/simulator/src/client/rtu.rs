@@ -1,6 +1,6 @@
 //! Responses in RTU over TCP.
 
-use super::Reply;
+use super::reply::Reply;
 use crate::device::rtu;
 
 /// Takes the first whole frame off the front: the first bytes with a good CRC. It has no transaction id.

@@ -1,6 +1,5 @@
 //! Connections that the gateway makes, and the servers in the network that it makes them to.
 
-use std::collections::{HashMap, HashSet, VecDeque};
 use std::future::poll_fn;
 use std::net::{IpAddr, SocketAddr};
 use std::task::{Poll, Waker};
@@ -9,27 +8,12 @@ use embassy_time::Timer;
 use mobgate::hal::{OpenError, OpenErrorKind, TcpConnect};
 use mobgate::settings::{Host, ServerAddress};
 
+use super::client_stream::ClientStream;
+use super::outside::Listening;
 use super::pipe::{Path, Pipe};
-use super::{ClientStream, GatewayStream, Network};
+use super::{GatewayStream, Network, Socket};
 
 const NO_NAME: OpenError = OpenError::new(OpenErrorKind::NotFound, "the name is not known");
-
-/// What the gateway can connect to.
-#[derive(Default)]
-pub(super) struct Outside {
-    servers: HashMap<SocketAddr, Listening>,
-    unreachable: HashSet<SocketAddr>,
-    paths: HashMap<SocketAddr, Path>,
-    names: HashMap<String, IpAddr>,
-    /// Sockets of the board that are left; none: as many as wanted.
-    sockets: Option<usize>,
-}
-
-#[derive(Default)]
-struct Listening {
-    backlog: VecDeque<ClientStream>,
-    waiting: Option<Waker>,
-}
 
 /// A server that accepts the gateway's connections; dropped, it listens no more.
 pub struct Server {
@@ -139,32 +123,5 @@ impl TcpConnect for SimTcpConnect {
         waiting.into_iter().for_each(Waker::wake);
         let (incoming, outgoing) = (down, up);
         Ok(GatewayStream { incoming, outgoing, ended: false, counted_in: None, _socket: Some(socket) })
-    }
-}
-
-/// One of the board's sockets, in use until it is dropped.
-pub(super) struct Socket(Network);
-
-impl Socket {
-    fn take(network: &Network) -> Option<Self> {
-        let mut state = network.0.borrow_mut();
-        if let Some(left) = &mut state.outside.sockets {
-            *left = left.checked_sub(1)?;
-        }
-        let counters = &mut state.counters;
-        counters.sockets += 1;
-        counters.sockets_most = counters.sockets_most.max(counters.sockets);
-        drop(state);
-        Some(Self(network.clone()))
-    }
-}
-
-impl Drop for Socket {
-    fn drop(&mut self) {
-        let mut state = self.0.0.borrow_mut();
-        if let Some(left) = &mut state.outside.sockets {
-            *left += 1;
-        }
-        state.counters.sockets -= 1;
     }
 }

@@ -8,43 +8,9 @@ use embedded_io_async::{ErrorKind, ErrorType, Read, Write};
 use mobgate::hal::Flaws;
 use mobgate::settings::LineSettings;
 
-use super::{Bus, Flaw, TRANSMIT_CHARS_MAX, Wire, now_ns, tick_after};
-use crate::timing::{self, chars_ns};
-
-/// A participant's handle. Clones are the same participant; what one clone reads, the others do not.
-#[derive(Clone)]
-pub struct LineEnd {
-    pub(super) wire: Wire,
-    pub(super) number: usize,
-    generation: u32,
-}
-
-/// The silent intervals by which a device tells frames apart, Modbus over Serial Line 2.5.1.1.
-#[derive(Debug, Clone, Copy)]
-pub struct Silence {
-    /// A longer silence inside a frame spoils it.
-    pub inside_ns: u64,
-    /// This much silence ends a frame.
-    pub between_ns: u64,
-}
-
-impl Silence {
-    /// t1.5 and t3.5 of `line`.
-    pub fn of(line: &LineSettings) -> Self {
-        Self { inside_ns: timing::t1_5_ns(line), between_ns: timing::t3_5_ns(line) }
-    }
-}
-
-/// A frame as a device hears it: everything between two silences.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Heard {
-    /// The bytes.
-    pub bytes: Vec<u8>,
-    /// Whether a silence inside was longer than allowed.
-    pub gap_inside: bool,
-    /// When the last bit had passed.
-    pub end_ns: u64,
-}
+use super::bus::{Bus, Heard, LineEnd, Silence, TRANSMIT_CHARS_MAX, Wire, now_ns, tick_after};
+use super::character::Flaw;
+use crate::timing::chars_ns;
 
 impl LineEnd {
     pub(super) fn new(wire: Wire, number: usize, generation: u32) -> Self {

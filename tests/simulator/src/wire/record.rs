@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 use mobgate::settings::Framing;
 
-use super::Character;
+use super::character::Character;
 
 /// Frames that the record keeps, the newest; sums go on for ever.
 pub const FRAMES_MAX: usize = 10_000;

@@ -8,24 +8,7 @@ use embassy_time::Duration;
 use embassy_time_driver::schedule_wake;
 use mobgate::hal::Relay;
 
-use super::{LineEnd, Silence, now_ns, tick_after};
-
-/// The relay of what an end hears.
-pub(super) struct Relayed {
-    relay: Relay,
-    to: LineEnd,
-    /// The number of the character that is sent next.
-    next: u64,
-    /// When the last character ended.
-    heard_ns: u64,
-    is_broken: bool,
-}
-
-impl Relayed {
-    fn is_running(&self) -> bool {
-        !self.is_broken && !self.relay.is_over()
-    }
-}
+use super::bus::{LineEnd, Relayed, Silence, now_ns, tick_after};
 
 impl LineEnd {
     /// Lets `to` send what is heard here and was not read yet.

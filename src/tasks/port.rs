@@ -31,7 +31,7 @@ impl Gateway<'_> {
             let Some(at) = at else { return pending().await };
             let port_state = at.state();
             loop {
-                let mut kind = self.settings(|settings| settings.port(id).cloned()).map(|port| port.kind);
+                let mut kind = self.settings(|settings| settings.port(id).map(|port| port.kind.clone()));
                 let alone = self.direct_request.try_on(id, kind.as_mut());
                 at.units(|units| units.freeze(alone));
                 port_state.renew();

@@ -2,16 +2,15 @@
 
 use heapless::Vec;
 
-use crate::scanner::{DEVICES_MAX, POINTS};
+use crate::scanner::DEVICES_MAX;
 use crate::settings::{
-    AUDIT, Certificate, Certificates, Destination, DeviceSettings, Mdns, NtpServers, OwnNetwork, POINTS_MAX,
-    PORTS_MAX, PointSettings, Port, PortId, PortKind, ROUTES_MAX, Route, SERVERS, SERVERS_MAX, SLAVES_MAX,
-    ServerAddress, ServerSettings, SlaveSettings, Syslog, Syslogs, TLS, TcpServerSettings, USERS, User,
-    Users,
+    Certificate, Certificates, Destination, DeviceSettings, Mdns, NtpServers, OwnNetwork, POINTS_MAX,
+    PORTS_MAX, PointSettings, Port, PortId, PortKind, ROUTES_MAX, Route, SERVERS_MAX, SLAVES_MAX,
+    ServerAddress, ServerSettings, SlaveSettings, Syslog, Syslogs, TcpServerSettings, User, Users,
 };
 
 /// Everything that `save` stores and `show config` prints.
-#[derive(Debug, PartialEq, Eq, Default)]
+#[derive(Debug, Eq, Default)]
 pub struct Settings {
     /// How the board gets its own address, if the gateway manages that; `None`: the default.
     pub network: Option<OwnNetwork>,
@@ -177,30 +176,47 @@ impl Clone for Settings {
         self.network.clone_from(network);
         self.mdns.clone_from(mdns);
         self.ports.clone_from_slice(ports);
-        if SERVERS {
-            copy_list(&mut self.servers, servers);
-        }
+        copy_list(&mut self.syslog, syslog);
+        copy_list(&mut self.ntp, ntp);
+        copy_list(&mut self.certificates, certificates);
+        copy_list(&mut self.servers, servers);
         copy_list(&mut self.routes, routes);
-        if POINTS {
-            copy_list(&mut self.devices, devices);
-            copy_list(&mut self.points, points);
-            copy_list(&mut self.slaves, slaves);
-        }
-        if USERS {
-            copy_list(&mut self.users, users);
-        }
-        if AUDIT {
-            copy_list(&mut self.syslog, syslog);
-            copy_list(&mut self.ntp, ntp);
-        }
-        if TLS {
-            copy_list(&mut self.certificates, certificates);
-        }
+        copy_list(&mut self.devices, devices);
+        copy_list(&mut self.points, points);
+        copy_list(&mut self.slaves, slaves);
+        copy_list(&mut self.users, users);
     }
 }
 
+impl PartialEq for Settings {
+    fn eq(&self, other: &Self) -> bool {
+        let Self { network, mdns, syslog, ntp, certificates, .. } = self;
+        let Self { ports, servers, routes, devices, points, slaves, users, .. } = self;
+        *network == other.network
+            && *mdns == other.mdns
+            && *ports == other.ports
+            && same_list(syslog, &other.syslog)
+            && same_list(ntp, &other.ntp)
+            && same_list(certificates, &other.certificates)
+            && same_list(servers, &other.servers)
+            && same_list(routes, &other.routes)
+            && same_list(devices, &other.devices)
+            && same_list(points, &other.points)
+            && same_list(slaves, &other.slaves)
+            && same_list(users, &other.users)
+    }
+}
+
+/// Copies a list. Code for a list that holds nothing is left out, which the compiler does not see by its length.
 fn copy_list<T: Clone, const N: usize>(list: &mut Vec<T, N>, source: &Vec<T, N>) {
-    list.clear();
-    // The same capacity.
-    let _ = list.extend_from_slice(source);
+    if N > 0 {
+        list.clear();
+        // The same capacity.
+        let _ = list.extend_from_slice(source);
+    }
+}
+
+/// Whether two lists are the same; as above.
+fn same_list<T: PartialEq, const N: usize>(list: &Vec<T, N>, other: &Vec<T, N>) -> bool {
+    N == 0 || list == other
 }

@@ -31,8 +31,8 @@ mod tls;
 mod users;
 mod whole;
 
+pub(crate) use self::address::{Address, Endpoint, IPV6, canonical};
 pub use self::address::{Allowed, IpPrefix, Prefixes};
-pub(crate) use self::address::{Endpoint, IPV6, canonical};
 pub(crate) use self::ethercat::INTERFACE_BYTES_MAX;
 pub use self::ethercat::{EthercatSettings, InterfaceName, OnLoss};
 pub(crate) use self::field::{Count, Field};

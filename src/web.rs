@@ -44,7 +44,7 @@ use crate::gateway::{Gateway, PortState};
 use crate::hal::{OpenError, OpenErrorKind, Store, System, TcpHost, TcpStream, Update};
 use crate::port::server::handshake::handshake;
 use crate::port::server::listening;
-use crate::settings::{Allowed, HttpSettings, PortId, PortKind, Settings, TcpListen};
+use crate::settings::{Allowed, HttpSettings, PortId, PortKind, Settings, TcpListen, canonical};
 use crate::stats::Event;
 
 /// Pause after a failed accept.
@@ -172,7 +172,7 @@ async fn serve<S: Store, U: Update, Y: System>(
     system: &Y,
 ) {
     let life = Life::new(AGE_MAX);
-    let peer = peer.ip().to_canonical();
+    let peer = canonical(peer.ip());
     let terms = gateway.settings(|settings| {
         server(settings, id)
             .filter(|server| server.allowed.admits(peer))

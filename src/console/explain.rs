@@ -1,7 +1,6 @@
 //! `explain`: what the rules do with a request, and which one decides. Nothing is sent.
 
 use core::fmt;
-use core::net::IpAddr;
 
 use super::run::{Run, command};
 use super::session::Session;
@@ -14,7 +13,7 @@ use crate::modbus::pdu::function::{
 };
 use crate::routing::{self, Client, Decision};
 use crate::scanner::Pdu;
-use crate::settings::{ClientRole, PortId, Role, Settings, Special, TLS};
+use crate::settings::{ClientRole, PortId, Role, Settings, Special, TLS, canonical};
 
 pub(super) const COMMAND: (&str, Verb<Run>) = (
     "explain",
@@ -65,7 +64,7 @@ impl Explained {
         if words.peek().is("from") {
             words.take();
             let word = words.take();
-            let address = word.text.parse().map(|address: IpAddr| address.to_canonical());
+            let address = word.text.parse().map(canonical);
             peer = Some(address.map_err(|_| word.expected("an IP address"))?);
         }
         let mut role = ClientRole::NONE;

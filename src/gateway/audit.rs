@@ -35,7 +35,7 @@ pub use self::topic::{Actor, Topic};
 pub use self::trail::COUNTED_FOR;
 use self::trail::{Tally, Trail};
 use super::Gateway;
-use crate::settings::{AUDIT, PortId, Time};
+use crate::settings::{AUDIT, PortId, Time, canonical};
 
 /// What a line ends in if it is too long.
 const CUT: &str = "...";
@@ -155,7 +155,7 @@ impl Gateway<'_> {
         let is_told = self.trail(|trail, _| trail.refused(Instant::now(), topic, port, peer));
         audit.refusal.signal(());
         if is_told == Some(true) {
-            let actor = peer.map_or(Actor::Gateway, |peer| Actor::Peer(peer.to_canonical()));
+            let actor = peer.map_or(Actor::Gateway, |peer| Actor::Peer(canonical(peer)));
             self.at_port(port, &mut |at| self.write_audit(topic, actor, format_args!("{what}{at}")));
         }
     }
@@ -167,7 +167,7 @@ impl Gateway<'_> {
             let Tally { topic, port, counted, last, .. } = tally;
             self.at_port(port, &mut |at| {
                 let (plural, time) = (topic.plural(), Time(COUNTED_FOR));
-                let actor = last.map_or(Actor::Gateway, |peer| Actor::Peer(peer.to_canonical()));
+                let actor = last.map_or(Actor::Gateway, |peer| Actor::Peer(canonical(peer)));
                 self.write_audit(topic, actor, format_args!("{counted} more {plural}{at} within {time}"));
             });
         }

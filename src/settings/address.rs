@@ -93,12 +93,21 @@ pub(crate) fn canonical(address: IpAddr) -> IpAddr {
 impl Display for IpPrefix {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let bits = if self.address().is_ipv4() { 32 } else { 128 };
-        match self.address() {
-            IpAddr::V6(address) if IPV6 => write!(f, "{address}"),
-            IpAddr::V6(_) => Ok(()),
-            IpAddr::V4(address) => write!(f, "{address}"),
-        }?;
+        Address(self.address()).fmt(f)?;
         if self.length == bits { Ok(()) } else { write!(f, "/{}", self.length) }
+    }
+}
+
+/// An address in printed form.
+pub(crate) struct Address(pub(crate) IpAddr);
+
+impl Display for Address {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.0 {
+            IpAddr::V6(address) if IPV6 => address.fmt(f),
+            IpAddr::V6(_) => Ok(()),
+            IpAddr::V4(address) => address.fmt(f),
+        }
     }
 }
 

@@ -4,7 +4,7 @@ use core::net::Ipv4Addr;
 
 use crate::settings::{
     EthercatSettings, Framing, LineSettings, Mdns, OwnNetwork, PortId, PortKind, SERVERS, SerialSettings,
-    ServerAddress, ServerSettings, Settings, Side, StreamFraming,
+    ServerAddress, ServerSettings, Settings, Side, StreamFraming, canonical,
 };
 
 impl Settings {
@@ -72,7 +72,7 @@ impl Settings {
         self.ports.iter().flatten().filter_map(move |port| match &port.kind {
             PortKind::TcpServer(server) if server.framing == StreamFraming::Mbap => {
                 let at = server.listen.address.unwrap_or(own.into());
-                (at.is_unspecified() || at.to_canonical() == own)
+                (at.is_unspecified() || canonical(at) == own)
                     .then_some((port.name.as_str(), server.listen.port))
             }
             _ => None,

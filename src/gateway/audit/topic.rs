@@ -5,6 +5,8 @@ use core::net::IpAddr;
 
 use strum::{IntoStaticStr, VariantArray};
 
+use crate::settings::Address;
+
 /// What a line is about.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, VariantArray, IntoStaticStr)]
 #[strum(serialize_all = "kebab-case")]
@@ -101,8 +103,8 @@ impl fmt::Display for Actor<'_> {
         match self {
             Self::Gateway => f.write_str("gateway"),
             Self::Local => f.write_str("local console"),
-            Self::User { name, peer } => write!(f, "{name}@{peer}"),
-            Self::Peer(peer) => write!(f, "{peer}"),
+            Self::User { name, peer } => write!(f, "{name}@{}", Address(*peer)),
+            Self::Peer(peer) => Address(*peer).fmt(f),
             Self::Ethercat => f.write_str("EtherCAT"),
             Self::System => f.write_str("system"),
         }

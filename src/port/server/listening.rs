@@ -5,7 +5,7 @@ use core::net::{IpAddr, SocketAddr};
 use crate::gateway::audit::Topic;
 use crate::gateway::{Gateway, PortState, Status};
 use crate::hal::OpenError;
-use crate::settings::{AUDIT, PortId};
+use crate::settings::{AUDIT, Address, PortId, canonical};
 use crate::stats::{Event, LastError};
 
 /// Reports that the server at `port_state` listens on `port` of `protocol`; `open_to_all` returns an address at which the whole world
@@ -56,7 +56,7 @@ pub(crate) fn refuses_certificate(gateway: &Gateway<'_>, port: PortId, peer: IpA
 /// Reports that the server at `port` closes the connection of `left` for a newcomer at `peer`.
 pub(crate) fn displaces(gateway: &Gateway<'_>, port: PortId, left: Option<SocketAddr>, peer: IpAddr) {
     if let (true, Some(left)) = (AUDIT, left) {
-        let what = format_args!("displaces {}", left.ip().to_canonical());
+        let what = format_args!("displaces {}", Address(canonical(left.ip())));
         gateway.audit_refusal(Topic::Displaced, Some(port), Some(peer), what);
     }
 }

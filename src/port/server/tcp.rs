@@ -24,7 +24,9 @@ use crate::modbus::{Exception, pdu};
 use crate::port::server::listening;
 use crate::port::stream::{Input, Pieces};
 use crate::port::timer::{outlined, until, within};
-use crate::settings::{Allowed, ClientRole, PortId, SSH, StreamFraming, TcpListen, TcpServerSettings};
+use crate::settings::{
+    Allowed, ClientRole, PortId, SSH, StreamFraming, TcpListen, TcpServerSettings, canonical,
+};
 use crate::stats::Event;
 
 mod response;
@@ -308,7 +310,7 @@ impl Server<'_, '_> {
         let deadline = received + self.settings.lifetime;
         let envelope = Envelope {
             transaction: header.transaction,
-            peer: self.peer().map(|peer| peer.ip().to_canonical()),
+            peer: self.peer().map(|peer| canonical(peer.ip())),
             ..Envelope::request(origin, header.unit, received, deadline)
         };
         // Fits: the parser limits the length of a PDU.

@@ -18,7 +18,7 @@ use crate::hal::{SocketLost, UdpHost, UdpSocket};
 use crate::modbus::tcp::{self, ADU_BYTES_MAX, Header, Parsed};
 use crate::modbus::{Exception, pdu};
 use crate::port::server::listening;
-use crate::settings::{PortId, UDP_REQUESTS_MAX, UdpServerSettings};
+use crate::settings::{PortId, UDP_REQUESTS_MAX, UdpServerSettings, canonical};
 use crate::stats::Event;
 
 /// Pause after a failure of the socket.
@@ -175,7 +175,7 @@ impl<'s, 'g> Server<'s, 'g> {
             Origin { port: self.id, reply_to: ReplyTo::Port, generation: self.port_state.generation() };
         Envelope {
             transaction: number,
-            peer: Some(peer.ip().to_canonical()),
+            peer: Some(canonical(peer.ip())),
             ..Envelope::request(origin, unit, received, received + self.settings.lifetime)
         }
     }

@@ -67,4 +67,4 @@ pub(crate) use self::route_words::units as parse_units;
 pub(crate) use self::users::{WithoutSecrets, user_name};
 pub(crate) use self::values::{medium, number, parse_number, small, time};
 pub(crate) use self::verbs::{Offer, VERBS, Verb, Verbs};
-pub(crate) use self::words::{Word, Words, Wrong, find_word};
+pub(crate) use self::words::{Word, Words, Wrong, find_word, is_separator};

@@ -3,7 +3,7 @@
 use heapless::String;
 
 use super::command::commands;
-use crate::language::{Offer, WORD_BYTES_MAX};
+use crate::language::{Offer, WORD_BYTES_MAX, is_separator};
 use crate::settings::{Settings, USERS};
 
 /// The result of completing a word.
@@ -82,7 +82,8 @@ pub(super) fn candidates(before: &str, settings: &Settings, each: &mut dyn FnMut
 }
 
 fn last_word(before: &str) -> &str {
-    before.rsplit([' ', '\t', ',']).next().unwrap_or_default()
+    let last = before.bytes().rposition(is_separator);
+    before.get(last.map_or(0, |at| at + 1)..).unwrap_or_default()
 }
 
 #[cfg(test)]

@@ -133,8 +133,8 @@ impl Editor {
             Key::DeleteRight | Key::Leave => self.delete(self.cursor, self.cursor + 1),
             Key::DeleteWord => {
                 let before = self.before_cursor().trim_ascii_end();
-                let from = before.rfind(|char: char| char.is_ascii_whitespace()).map_or(0, |at| at + 1);
-                self.delete(from, self.cursor);
+                let last = before.bytes().rposition(|byte| byte.is_ascii_whitespace());
+                self.delete(last.map_or(0, |at| at + 1), self.cursor);
             }
             Key::DeleteToStart => self.delete(0, self.cursor),
             Key::DeleteToEnd => self.delete(self.cursor, self.line.len()),

@@ -77,10 +77,14 @@ impl Output {
 
     /// Columns of the current line.
     pub(super) fn column(&self) -> usize {
-        match self.text.rsplit_once('\n') {
-            Some((_, line)) => line.chars().count(),
-            None => self.sent + self.text.chars().count(),
-        }
+        let (start, sent) = self.line_start();
+        sent + self.text.get(start..).unwrap_or_default().chars().count()
+    }
+
+    /// Where the current line starts in the text, and its columns already sent.
+    fn line_start(&self) -> (usize, usize) {
+        let last = self.text.bytes().rposition(|byte| byte == b'\n');
+        last.map_or((0, self.sent), |at| (at + 1, 0))
     }
 
     /// Continues on the next line.
@@ -98,7 +102,7 @@ impl Output {
     pub(super) fn fold(&mut self, hang: usize) {
         let Some(columns) = self.columns.filter(|columns| self.column() > *columns) else { return };
         let hang = if hang + ROOM_MIN > columns { INDENT } else { hang };
-        let (start, sent) = self.text.rfind('\n').map_or((0, self.sent), |at| (at + 1, 0));
+        let (start, sent) = self.line_start();
         let line = self.text.clone();
         self.text.truncate(start);
         let mut column = sent;

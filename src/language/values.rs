@@ -155,7 +155,8 @@ pub(crate) fn parse_endpoint(text: &str) -> Option<(IpAddr, Option<u16>)> {
     if let Some(address) = parse_address(text) {
         return Some((address, None));
     }
-    let (address, port) = text.rsplit_once(':')?;
+    let colon = text.bytes().rposition(|byte| byte == b':')?;
+    let (address, port) = (text.get(..colon)?, text.get(colon + 1..)?);
     let address = match address.strip_prefix('[').and_then(|address| address.strip_suffix(']')) {
         Some(v6) if IPV6 => IpAddr::V6(v6.parse().ok()?),
         _ => IpAddr::V4(address.parse().ok()?),

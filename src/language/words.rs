@@ -185,8 +185,8 @@ pub(crate) fn find_word(line: &str, text: &str) -> (usize, String<WORD_BYTES_MAX
     (found.column, cut(found.text))
 }
 
-/// ASCII only, so no byte of a longer character matches.
-fn is_separator(byte: u8) -> bool {
+/// Whether `byte` separates words. ASCII only, so no byte of a longer character matches.
+pub(crate) fn is_separator(byte: u8) -> bool {
     byte.is_ascii_whitespace() || byte == b','
 }
 

@@ -285,14 +285,12 @@ impl Display for UnitRange {
 
 impl Display for Tag {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let mut text = String::<6>::new();
         match *self {
-            Self::Keep => text.write_str("*"),
-            Self::Add(by) => write!(text, "+{by}"),
-            Self::Subtract(by) => write!(text, "-{by}"),
-            Self::Set(unit) => write!(text, "={unit}"),
-        }?;
-        f.pad(&text)
+            Self::Keep => f.write_str("*"),
+            Self::Add(by) => write!(f, "+{by}"),
+            Self::Subtract(by) => write!(f, "-{by}"),
+            Self::Set(unit) => write!(f, "={unit}"),
+        }
     }
 }
 

@@ -38,7 +38,7 @@ pub(super) fn complete(before: &str, settings: &Settings) -> Completion {
     match count {
         0 => return Completion::None,
         1 => {
-            let _ = append.push(' ');
+            let _ = append.push_str(" ");
         }
         _ if append.is_empty() => return Completion::Several,
         _ => {}

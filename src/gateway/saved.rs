@@ -52,7 +52,7 @@ pub async fn write_store(settings: &Settings, store: &mut impl Store) -> Result<
         let more = write_line(settings, n, &mut line).is_some();
         if more || n == 0 {
             // Fits, see LINE_BYTES_MAX.
-            let _ = line.push('\n');
+            let _ = line.push_str("\n");
             store.append(line.as_bytes()).await?;
         }
         if !more {

@@ -56,10 +56,16 @@ impl<'a, M: RawMutex, F: NorFlash> SharedStore<'a, M, F> {
 
 impl<M: RawMutex, F: NorFlash> Store for SharedStore<'_, M, F> {
     async fn read(&mut self, offset: usize, into: &mut [u8]) -> Result<usize, StoreError> {
-        match &mut self.saving {
-            Some(store) => store.read(offset, into).await,
-            None => self.store.lock().await.read(offset, into).await,
-        }
+        let mut alone;
+        let store = match &mut self.saving {
+            Some(store) => store,
+            None => {
+                alone = self.store.lock().await;
+                &mut alone
+            }
+        };
+        // In one place: how to read is long.
+        store.read(offset, into).await
     }
 
     async fn append(&mut self, text: &[u8]) -> Result<(), StoreError> {

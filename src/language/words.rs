@@ -61,6 +61,8 @@ impl Word<'_> {
             .ok_or_else(|| self.unknown(&|at| table.get(at).map(|&(keyword, _)| keyword), &[], expected))
     }
 
+    // Not inlined: each table would have a loop of its own.
+    #[inline(never)]
     fn place(&self, keywords: Keywords) -> Option<usize> {
         (0..).map_while(keywords).position(|keyword| self.is(keyword))
     }

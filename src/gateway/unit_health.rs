@@ -125,6 +125,8 @@ impl AllUnits {
         Units { all: self, port: port.index() }
     }
 
+    // Not inlined: it is asked for in many places.
+    #[inline(never)]
     fn list(&self, port: usize) -> List {
         self.ports.get(port).copied().unwrap_or(List::EMPTY)
     }

@@ -14,7 +14,7 @@ pub(crate) fn list(f: &mut fmt::Formatter<'_>, first: &str, prefixes: &[IpPrefix
 pub(crate) fn option(
     f: &mut fmt::Formatter<'_>,
     keyword: &str,
-    value: impl Display,
+    value: &dyn Display,
     print: bool,
 ) -> fmt::Result {
     if print { write!(f, " {keyword} {value}") } else { Ok(()) }

@@ -26,11 +26,11 @@ impl Display for DeviceSettings {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { name, device, label } = self;
         write!(f, "device {name} unit {}", device.unit)?;
-        option(f, "order", device.order, device.order != ByteOrder::default())?;
+        option(f, "order", &device.order, device.order != ByteOrder::default())?;
         if device.check {
             f.write_str(" check")?;
         }
-        option(f, "label", Quoted(label), !label.is_empty())
+        option(f, "label", &Quoted(label), !label.is_empty())
     }
 }
 
@@ -55,29 +55,29 @@ impl Display for PointWords<'_> {
         };
         write!(f, " {kind} {first}")?;
         if let Some(of) = of {
-            option(f, "of", of, true)?;
+            option(f, "of", &of, true)?;
         } else {
             let count = if kind.is_bits() { self.point.cells() } else { *count };
-            option(f, "count", count, count != 1)?;
-            option(f, "as", value.name(), ![usual_type(*kind), ValueType::Bit].contains(value))?;
+            option(f, "count", &count, count != 1)?;
+            option(f, "as", &value.name(), ![usual_type(*kind), ValueType::Bit].contains(value))?;
         }
         match *at {
             PointAt::Device { read, write, multiple, bit, .. } => {
-                option(f, "bit", bit.map_or(0, |bit| bit as u8), bit.is_some())?;
-                option(f, "read", read, read != usual_reading(write))?;
-                option(f, "write", "auto", write == Writing::Auto)?;
-                option(f, "write", "change", write == Writing::OnChange)?;
+                option(f, "bit", &bit.map_or(0, |bit| bit as u8), bit.is_some())?;
+                option(f, "read", &read, read != usual_reading(write))?;
+                option(f, "write", &"auto", write == Writing::Auto)?;
+                option(f, "write", &"change", write == Writing::OnChange)?;
                 if multiple {
                     f.write_str(" multiple")?;
                 }
             }
             PointAt::Local { quality, .. } => {
                 if let Some(quality) = quality {
-                    option(f, "quality", quality, true)?;
+                    option(f, "quality", &quality, true)?;
                 }
             }
         }
-        option(f, "label", Quoted(label), !label.is_empty())
+        option(f, "label", &Quoted(label), !label.is_empty())
     }
 }
 

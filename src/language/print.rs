@@ -173,14 +173,14 @@ impl Display for Policy {
             Functions::READ_ONLY => f.write_str(" readonly")?,
             functions => write!(f, " functions {functions}")?,
         }
-        option(f, "addresses", self.addresses, self.addresses != default.addresses)?;
-        option(f, "writes", self.writes, self.writes != default.writes)?;
-        option(f, "forbidden", self.forbidden, self.forbidden != default.forbidden)?;
-        option(f, "priority", self.priority, self.priority != default.priority)?;
-        option(f, "urgent", self.urgent, self.urgent != default.urgent)?;
-        option(f, "merge", self.sharing.merge, self.sharing.merge != default.sharing.merge)?;
-        option(f, "cache", Time(self.sharing.cache()), self.sharing.cache_ms != default.sharing.cache_ms)?;
-        option(f, "cut", self.cut, self.cut != default.cut)
+        option(f, "addresses", &self.addresses, self.addresses != default.addresses)?;
+        option(f, "writes", &self.writes, self.writes != default.writes)?;
+        option(f, "forbidden", &self.forbidden, self.forbidden != default.forbidden)?;
+        option(f, "priority", &self.priority, self.priority != default.priority)?;
+        option(f, "urgent", &self.urgent, self.urgent != default.urgent)?;
+        option(f, "merge", &self.sharing.merge, self.sharing.merge != default.sharing.merge)?;
+        option(f, "cache", &Time(self.sharing.cache()), self.sharing.cache_ms != default.sharing.cache_ms)?;
+        option(f, "cut", &self.cut, self.cut != default.cut)
     }
 }
 

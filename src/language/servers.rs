@@ -94,6 +94,6 @@ pub(crate) fn delete_server(settings: &mut Settings, words: &Words) -> Result<Ch
 impl Display for ServerSettings {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "unit {:7} at {}", self.units, self.at)?;
-        option(f, "tag", self.tag, self.tag != Tag::Keep)
+        option(f, "tag", &self.tag, self.tag != Tag::Keep)
     }
 }

@@ -155,12 +155,12 @@ impl Display for SlaveSettings {
             let value_type = self.value_type(kind);
             let values = count / value_type.registers();
             write!(f, " {kind} {address}")?;
-            option(f, "count", values, values != 1)?;
-            option(f, "as", value_type.name(), !matches!(value_type, ValueType::Bit | ValueType::U16))?;
+            option(f, "count", &values, values != 1)?;
+            option(f, "as", &value_type.name(), !matches!(value_type, ValueType::Bit | ValueType::U16))?;
         }
-        option(f, "order", self.order, self.order != ByteOrder::default())?;
+        option(f, "order", &self.order, self.order != ByteOrder::default())?;
         let polling = Duration::from_millis(self.polling_ms.into());
-        option(f, "read", Time(polling), self.polling_ms != POLLING_MS)?;
+        option(f, "read", &Time(polling), self.polling_ms != POLLING_MS)?;
         if self.check {
             f.write_str(" check")?;
         }

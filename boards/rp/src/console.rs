@@ -82,7 +82,9 @@ impl Write for Console {
         self.sender.write(from).await.map_err(|_| ErrorKind::NotConnected)
     }
 
+    /// Waits until the host has what was written: an empty packet is taken over as soon as the one before is gone. A restart would
+    /// lose it otherwise.
     async fn flush(&mut self) -> Result<(), ErrorKind> {
-        Ok(())
+        self.sender.write_packet(&[]).await.map_err(|_| ErrorKind::NotConnected)
     }
 }

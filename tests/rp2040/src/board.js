@@ -132,6 +132,8 @@ export class Board {
         if (this.pending) break;
       }
       if (this.pending) {
+        // What came just before a restart is seen too.
+        until();
         this.restarts.push({ seconds: this.seconds, reason: this.pending });
         if (this.pending === POWER) this.powerCycle();
         else this.start(this.chip.sram, this.pending);

@@ -13,6 +13,8 @@ export class Console {
   attach(chip, board) {
     Object.assign(this, { chip, board, connected: false, room: 0, typed: [], text: '' });
     this.usb = new USBCDC(chip.usbCtrl);
+    // rp2040js tells the device at once that a packet is gone; with a delay the next one, or a restart, would overtake it.
+    chip.usbCtrl.writeDelayMicroseconds = 0;
     this.usb.onDeviceConnected = () => { this.connected = true; };
     this.usb.onSerialData = (bytes) => { this.text += Buffer.from(bytes).toString('latin1'); };
     chip.usbCtrl.onEndpointRead = (endpoint, size) => {

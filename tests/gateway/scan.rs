@@ -66,6 +66,13 @@ fn without_speeds_the_ports_own_speed_and_format_come_first_and_once() {
         assert_eq!(lines.len(), 8 * 4, "{shown}");
         let [found, second] = ["unit   5 115200 8E1 ", lines[1]].map(|text| shown.find(text));
         assert!(found.is_some() && found < second, "{shown}");
+        // The time announced is that of all lines, each of them once.
+        let all = world
+            .run_until(typed(rig.gateway, "scan bus 9600 19200 38400 115200 57600 4800 2400 1200 units 1-9"));
+        let announced =
+            |shown: &str| shown.lines().find(|line| line.starts_with("about ")).map(str::to_owned);
+        assert!(announced(&shown).is_some(), "{shown}");
+        assert_eq!(announced(&shown), announced(&all));
     });
 }
 

@@ -130,7 +130,10 @@ impl Plan {
         let units = u32::from(self.units.last.saturating_sub(self.units.first)) + 1;
         let request = self.framing.chars_of(harmless(self.function).len());
         let mut sum = Duration::from_ticks(0);
-        for line in (nth..).map_while(|nth| self.line(nth)) {
+        for (nth, line) in (nth..).map_while(|nth| Some((nth, self.line(nth)?))) {
+            if self.is_again(nth) {
+                continue;
+            }
             sum += (line.chars(request) + self.patience(&line) + line.gap()) * units + self.rest(&line);
         }
         sum

@@ -171,8 +171,20 @@ impl Clone for Settings {
 
     /// Copies field by field: the whole is too large for the stack of a small board.
     fn clone_from(&mut self, source: &Self) {
-        let Self { network, mdns, syslog, ntp, certificates, .. } = source;
-        let Self { ports, servers, routes, devices, points, slaves, users, .. } = source;
+        let Self {
+            network,
+            mdns,
+            syslog,
+            ntp,
+            certificates,
+            ports,
+            servers,
+            routes,
+            devices,
+            points,
+            slaves,
+            users,
+        } = source;
         self.network.clone_from(network);
         self.mdns.clone_from(mdns);
         self.ports.clone_from_slice(ports);
@@ -190,8 +202,21 @@ impl Clone for Settings {
 
 impl PartialEq for Settings {
     fn eq(&self, other: &Self) -> bool {
-        let Self { network, mdns, syslog, ntp, certificates, .. } = self;
-        let Self { ports, servers, routes, devices, points, slaves, users, .. } = self;
+        // All of them are named, so that a new one cannot be forgotten.
+        let Self {
+            network,
+            mdns,
+            syslog,
+            ntp,
+            certificates,
+            ports,
+            servers,
+            routes,
+            devices,
+            points,
+            slaves,
+            users,
+        } = self;
         *network == other.network
             && *mdns == other.mdns
             && *ports == other.ports

@@ -152,7 +152,7 @@ impl Client {
         self.stream.write_all(bytes).await.is_ok()
     }
 
-    /// The next frame, whatever request it responds.
+    /// The next frame, whatever request it responds to.
     pub async fn receive(&mut self) -> Result<Reply, NoResponse> {
         let patience = self.patience;
         with_timeout(patience, self.receive_patiently()).await.unwrap_or(Err(NoResponse::Silence))

@@ -15,8 +15,7 @@
 mod combine;
 mod dispatch;
 mod entry;
-mod next;
-mod outcome;
+mod in_flight;
 mod proof;
 
 use core::cell::{Cell, RefCell, RefMut};

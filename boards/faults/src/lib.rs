@@ -3,10 +3,12 @@
 //! Each board has its own handlers, which [`note`] the reason and restart it.
 #![no_std]
 
+mod calls;
 // Images without an audit trail have no memory for it.
 #[cfg(feature = "audit")]
 mod kept;
 
+use core::arch::asm;
 use core::cell::UnsafeCell;
 use core::fmt;
 use core::mem::MaybeUninit;
@@ -61,6 +63,34 @@ impl fmt::Display for Fault<'_> {
         let Self(frame) = self;
         let what = status::Status::read();
         write!(f, "fault{what} at {:#010x}, called from {:#010x}{}", frame.pc(), frame.lr(), what.access())
+    }
+}
+
+/// Most calls of a panic that are recorded: what [`WORDS_BYTES_MAX`] has room for.
+const CALLS_MAX: usize = 12;
+
+/// A panic as its handler sees it: the calls that led to it, innermost first. The texts of messages and places, and what formats
+/// them, would take a tenth of the flash; `addr2line` finds the place in the image's file.
+pub struct Panic {
+    /// The handler's frame.
+    frame: u32,
+}
+
+impl Panic {
+    /// To be called by the handler.
+    #[inline(always)] // the frame is that of the caller
+    pub fn here() -> Self {
+        let frame;
+        // SAFETY: reads a register.
+        unsafe { asm!("mov {}, r7", out(reg) frame, options(nomem, nostack, preserves_flags)) };
+        Self { frame }
+    }
+}
+
+impl fmt::Display for Panic {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("panic after calls at")?;
+        calls::behind(self.frame).take(CALLS_MAX).try_for_each(|call| write!(f, " {call:#010x}"))
     }
 }
 

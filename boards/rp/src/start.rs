@@ -5,7 +5,7 @@ use core::panic::PanicInfo;
 
 use cortex_m_rt::{ExceptionFrame, exception};
 use embassy_rp::pac;
-use mobgate_faults::{Fault, note};
+use mobgate_faults::{Fault, Panic, note};
 use mobgate_rp_boot::restart;
 
 /// The cause of the chip's reset.
@@ -23,10 +23,10 @@ pub(crate) fn cause() -> &'static str {
 }
 
 #[panic_handler]
-fn panic(info: &PanicInfo<'_>) -> ! {
+fn panic(_: &PanicInfo<'_>) -> ! {
     cortex_m::interrupt::disable();
-    note(format_args!("{info}"));
-    defmt::error!("{}", defmt::Display2Format(info));
+    note(format_args!("{}", Panic::here()));
+    defmt::error!("panic");
     restart()
 }
 

@@ -5,13 +5,13 @@ use core::panic::PanicInfo;
 
 use cortex_m::peripheral::SCB;
 use cortex_m_rt::{ExceptionFrame, exception};
-use mobgate_faults::{Fault, note};
+use mobgate_faults::{Fault, Panic, note};
 
 #[panic_handler]
-fn panic(info: &PanicInfo<'_>) -> ! {
+fn panic(_: &PanicInfo<'_>) -> ! {
     cortex_m::interrupt::disable();
-    note(format_args!("{info}"));
-    defmt::error!("{}", defmt::Display2Format(info));
+    note(format_args!("{}", Panic::here()));
+    defmt::error!("panic");
     SCB::sys_reset()
 }
 

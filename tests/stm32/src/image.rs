@@ -80,9 +80,32 @@ impl Image {
         ends.filter(|end| (start..=start + length).contains(end)).max().unwrap_or(start)
     }
 
+    /// The first instruction from `start` on that calls the function of this `name` there.
+    pub(crate) fn call_of(&self, name: &str, start: u32) -> Option<u32> {
+        let &(function, _) = self.functions.iter().find(|(at, known)| *at >= start && known == name)?;
+        self.segments.iter().filter(|(at, _)| *at >= start).find_map(|(at, bytes)| {
+            let mut sites = (0..bytes.len().saturating_sub(3)).step_by(2);
+            let site = sites.find(|&site| called(at + site as u32, &bytes[site..]) == Some(function))?;
+            Some(at + site as u32)
+        })
+    }
+
     /// The function that the instruction at `address` belongs to.
     pub(crate) fn function(&self, address: u32) -> &str {
         let after = self.functions.partition_point(|(start, _)| *start <= address);
         after.checked_sub(1).map_or("?", |index| &self.functions[index].1)
     }
+}
+
+/// What the BL at `site` calls, if `code` begins with one (ARMv7-M architecture, A7.7.18, encoding T1).
+fn called(site: u32, code: &[u8]) -> Option<u32> {
+    let [first, second] = [0, 2].map(|at| u32::from(u16::from_le_bytes([code[at], code[at + 1]])));
+    if first & 0xf800 != 0xf000 || second & 0xd000 != 0xd000 {
+        return None;
+    }
+    let sign = first >> 10 & 1;
+    let bits = [13, 11].map(|bit| !(second >> bit ^ sign) & 1);
+    let offset = sign << 24 | bits[0] << 23 | bits[1] << 22 | (first & 0x3ff) << 12 | (second & 0x7ff) << 1;
+    // From 25 bits with a sign.
+    Some(site.wrapping_add(4).wrapping_add_signed((offset << 7).cast_signed() >> 7))
 }

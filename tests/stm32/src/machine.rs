@@ -37,7 +37,7 @@ impl std::fmt::Display for Stop {
 /// A board.
 pub struct Machine {
     pub(crate) board: Board,
-    image: Image,
+    pub(crate) image: Image,
     pub(crate) bus: Shared,
     pub(crate) cpu: Cpu,
     work: Rc<RefCell<Work>>,

@@ -62,6 +62,14 @@ impl Machine {
         self.cpu.jump(address);
     }
 
+    /// Lets the program go on where a function panics; gives the address of its call.
+    pub fn panic(&mut self) -> u32 {
+        let call = self.image.call_of("core::panicking::panic_fmt", self.board.active.0);
+        let call = call.expect("some function panics");
+        self.cpu.jump(call);
+        call
+    }
+
     /// Makes the chip one of this revision, as DBGMCU tells it; for a board that was not started yet.
     pub fn set_revision(&mut self, revision: u16) {
         self.bus.borrow_mut().revision = revision;

@@ -9,6 +9,7 @@ use crate::{on_each_board, started, wait_for_prompt};
 on_each_board!(
     the_watchdog_ends_a_run_that_hangs,
     a_fault_is_written_down_and_the_board_starts_again,
+    a_panic_is_written_down_with_the_calls_that_led_to_it,
     an_interrupt_that_nobody_serves_is_written_down,
 );
 
@@ -42,6 +43,21 @@ fn a_fault_is_written_down_and_the_board_starts_again(board: Board) {
     assert_eq!(machine.resets, [Reset::Software; 2]);
     let log = machine.type_line("show log").unwrap();
     assert!(!log.contains("the last run ended"), "{log}");
+}
+
+fn a_panic_is_written_down_with_the_calls_that_led_to_it(board: Board) {
+    let mut machine = started(board);
+    let call = machine.panic();
+    wait_for_prompt(&mut machine);
+    assert_eq!(machine.resets, [Reset::Software]);
+    let log = machine.type_line("show log").unwrap();
+    // What is wider than the terminal goes on below.
+    let log = log.split_whitespace().collect::<Vec<_>>().join(" ");
+    let (_, words) = log.split_once("the last run ended: panic after calls at ").expect(&log);
+    let calls: Vec<&str> = words.split(' ').take_while(|word| word.starts_with("0x")).collect();
+    // The handler's, the one that was met, and that of the function where the program was.
+    assert_eq!(calls.get(1), Some(&&*format!("{:#010x}", call + 2)), "{log}");
+    assert!((3..=12).contains(&calls.len()), "{log}");
 }
 
 fn an_interrupt_that_nobody_serves_is_written_down(board: Board) {

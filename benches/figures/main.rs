@@ -2,7 +2,8 @@
 //! is looked at.
 //!
 //! Each is printed as `figure NAME VALUE UNIT TARGET ok|short`. Names given as arguments select what is run; `plot`
-//! draws docs/paper.svg, and `drive`, which takes as long as all others, is only run by its name.
+//! draws docs/paper.svg; `drive`, which takes as long as all others, and `page_instructions`, which needs valgrind, are only run by
+//! name.
 
 // Linked for the clock and the locks of a host.
 use mobgate_clock as _;
@@ -34,6 +35,7 @@ fn main() {
     let groups: &[(&str, fn())] = &[
         ("line", line::figures),
         ("pages", pages::figures),
+        ("page_instructions", pages::instructions),
         ("paper", paper::figures),
         ("sharing", sharing::figures),
         ("merging", merging::figures),
@@ -57,7 +59,8 @@ fn main() {
         plot::draw().expect("a folder in which docs/ can be written");
     }
     for (name, figures) in groups {
-        if wanted.is_empty() && *name != "drive" || wanted.iter().any(|group| group == name) {
+        let by_name_only = ["drive", "page_instructions"].contains(name);
+        if wanted.is_empty() && !by_name_only || wanted.iter().any(|group| group == name) {
             figures();
         }
     }

@@ -11,13 +11,9 @@ use mobgate::hal::{OpenErrorKind, TcpHost, TcpStream as _};
 use mobgate::settings::TcpListen;
 use mobgate_linux::reactor::block_on;
 use mobgate_linux::tcp::{self, TcpSockets};
+use mobgate_simulator::ports::free_port;
 
 const LOOPBACK: IpAddr = IpAddr::V4(Ipv4Addr::LOCALHOST);
-
-/// A port that was free a moment ago.
-fn free_port() -> u16 {
-    std::net::TcpListener::bind((LOOPBACK, 0)).unwrap().local_addr().unwrap().port()
-}
 
 fn loopback() -> TcpListen {
     TcpListen { address: Some(LOOPBACK), port: free_port() }

@@ -38,6 +38,9 @@ mod serve;
 mod state;
 mod station;
 mod status;
+// Only longer types have text.
+#[cfg(feature = "long-values")]
+mod text;
 mod typed;
 mod values;
 
@@ -65,8 +68,6 @@ pub use self::form::Form;
 pub use self::gather::Pdu;
 #[doc(hidden)] // Public for tests/ only.
 pub use self::kind::{Kind, Modicon};
-#[cfg(feature = "long-values")] // As text.
-pub(crate) use self::long::TEXT_REGISTERS_MAX;
 #[doc(hidden)] // Public for tests/ only.
 pub use self::long::{LONG_VALUES, LongForm, LongType, LongValue};
 #[doc(hidden)] // Public for tests/ only.
@@ -87,6 +88,8 @@ pub use self::state::ScannerState;
 pub use self::station::{BACK_OFF_FIRST, BACK_OFF_LONGEST, BACK_OFF_STEP, Device, DeviceStatus, REPEATS};
 #[doc(hidden)] // Public for tests/ only.
 pub use self::status::{ErrorCode, Status};
+#[cfg(feature = "long-values")] // As text.
+pub(crate) use self::text::TEXT_REGISTERS_MAX;
 #[doc(hidden)] // Public for tests/ only.
 pub use self::typed::{TypedValue, ValueType};
 pub use self::values::VALUE_BYTES_MAX;

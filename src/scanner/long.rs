@@ -4,16 +4,14 @@ use core::fmt::{self, Display};
 
 use super::byte_order::ByteOrder;
 use super::decimal::Decimal;
+use super::text::{TEXT_BYTES_MAX, Text, padded};
 
 /// Whether the image has these types, scales, bit fields and periodic writes: the feature `long-values`. Code that depends on this
 /// constant is left out without it.
 pub const LONG_VALUES: bool = true;
 
 /// Bytes of the longest value: text in all registers of a frame.
-pub(crate) const VALUE_LONGEST: usize = 2 * TEXT_REGISTERS_MAX as usize;
-
-/// Most registers of a text: what a frame can write.
-pub(crate) const TEXT_REGISTERS_MAX: u8 = 123;
+pub(crate) const VALUE_LONGEST: usize = TEXT_BYTES_MAX;
 
 /// A longer type of values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -101,7 +99,7 @@ impl LongType {
             Self::U64 => LongValue::U64(quad?),
             Self::I64 => LongValue::I64(quad?.cast_signed()),
             Self::F64 => LongValue::F64(f64::from_bits(quad?)),
-            Self::Text(count) => LongValue::Text(Text(registers.get(..2 * usize::from(count))?)),
+            Self::Text(count) => LongValue::Text(Text::new(registers.get(..2 * usize::from(count))?)),
         })
     }
 
@@ -214,6 +212,8 @@ impl Display for LongValue<'_> {
         match self {
             Self::U64(value) => value.fmt(f),
             Self::I64(value) => value.fmt(f),
+            // Hundreds of digits tell people nothing.
+            Self::F64(value) if is_extreme(*value) => write!(f, "{value:e}"),
             Self::F64(value) => value.fmt(f),
             Self::Text(text) => write!(f, "\"{text}\""),
             Self::Scaled(value) => value.fmt(f),
@@ -221,45 +221,10 @@ impl Display for LongValue<'_> {
     }
 }
 
-/// The characters of a text, with what pads it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Text<'r>(&'r [u8]);
-
-/// Without the NULs and blanks at its end; what is not printable ASCII, quotes and backslashes are `\x41`, with `#` the backslash of
-/// that is two, as in JSON.
-impl Display for Text<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let backslash = if f.alternate() { "\\\\" } else { "\\" };
-        let end = self.0.iter().rposition(|byte| !matches!(byte, 0 | b' ')).map_or(0, |last| last + 1);
-        for &byte in self.0.get(..end).unwrap_or_default() {
-            match byte {
-                b'"' | b'\\' => write!(f, "{backslash}x{byte:02x}")?,
-                b' '..=b'~' => write!(f, "{}", char::from(byte))?,
-                _ => write!(f, "{backslash}x{byte:02x}")?,
-            }
-        }
-        Ok(())
-    }
-}
-
-/// The characters of `text`, in which `\x41` is a byte, with NULs up to so many registers; `None` if they are too many.
-fn padded(text: &str, registers: u8) -> Option<[u8; VALUE_LONGEST]> {
-    let mut into = [0; VALUE_LONGEST];
-    let mut places = into.iter_mut().take(2 * usize::from(registers));
-    let mut left = text.as_bytes();
-    while let [first, rest @ ..] = left {
-        let (byte, rest) = match left {
-            [b'\\', b'x', high, low, rest @ ..] => {
-                let [high, low] = [*high, *low].map(|digit| char::from(digit).to_digit(16));
-                ((16 * high? + low?) as u8, rest)
-            }
-            [b'\\', ..] => return None,
-            _ => (*first, rest),
-        };
-        *places.next()? = byte;
-        left = rest;
-    }
-    Some(into)
+/// Whether a number has more than 21 digits, or more than six zeros behind the point.
+fn is_extreme(value: f64) -> bool {
+    let magnitude = value.abs();
+    magnitude.is_finite() && magnitude > 0.0 && !(1e-6..1e21).contains(&magnitude)
 }
 
 #[cfg(test)]
@@ -328,6 +293,7 @@ mod tests {
             (LongType::I64, "0x8000000000000000", None),
             // -230.1 = -8.9d 00110..h times 2 to the power of 7.
             (LongType::F64, "-230.125", Some([0xc0, 0x6c, 0xc4, 0, 0, 0, 0, 0])),
+            (LongType::F64, "1.5e-284", Some([0x05, 0x01, 0xd8, 0x1d, 0xae, 0x6e, 0x22, 0x1c])),
             (LongType::F64, "1.5", Some([0x3f, 0xf8, 0, 0, 0, 0, 0, 0])),
             (LongType::F64, "1,5", None),
         ] {
@@ -347,7 +313,7 @@ mod tests {
         assert_eq!(shown(b"a \0 b\0"), "\"a \\x00 b\"");
         assert_eq!(shown(b"\x1b[2J\xe9\""), "\"\\x1b[2J\\xe9\\x22\"");
         assert_eq!(shown(b"\0\0\0\0\0\0"), "\"\"");
-        assert_eq!(std::format!("{:#}", Text(b"a\\")), "a\\\\x5c", "in JSON a backslash is two");
+        assert_eq!(std::format!("{:#}", Text::new(b"a\\")), "a\\\\x5c", "in JSON a backslash is two");
         let read = |text| LongType::Text(3).parse(text).map(|bytes| bytes[..8].to_vec());
         assert_eq!(read("ab").as_deref(), Some(&b"ab\0\0\0\0\0\0"[..]));
         assert_eq!(read("\\x1b[2J\\xe9").as_deref(), Some(&b"\x1b[2J\xe9\0\0\0"[..]));
@@ -373,7 +339,9 @@ mod tests {
             let shown = |kind: LongType| kind.take(&bytes).unwrap().to_string();
             prop_assert_eq!(shown(LongType::U64), u64::from_be_bytes(bytes).to_string());
             prop_assert_eq!(shown(LongType::I64), i64::from_be_bytes(bytes).to_string());
-            prop_assert_eq!(shown(LongType::F64), f64::from_be_bytes(bytes).to_string());
+            let (float, read) = (f64::from_be_bytes(bytes), shown(LongType::F64).parse::<f64>().unwrap());
+            prop_assert!(read.to_bits() == float.to_bits() || read.is_nan() && float.is_nan());
+            prop_assert!(shown(LongType::F64).len() <= 25);
             for kind in [LongType::U64, LongType::I64] {
                 prop_assert_eq!(&kind.parse(&shown(kind)).unwrap()[..8], &bytes[..]);
             }

@@ -50,6 +50,8 @@ mod layout;
 mod log_in;
 mod mode;
 mod output;
+#[cfg(feature = "points")] // Without them there are no such commands.
+mod point_ask;
 mod point_command;
 // Replaced by stubs in images without data points.
 #[cfg_attr(not(feature = "points"), path = "console/no_points.rs")]

@@ -17,6 +17,9 @@ pub(crate) mod forms;
 mod line;
 pub(crate) mod listed;
 mod loader;
+// Replaced by a stub in images without longer types, scales and periodic writes.
+#[cfg_attr(not(feature = "long-values"), path = "language/no_long_words.rs")]
+mod long_words;
 mod mdns;
 // Only images with an audit trail need the time.
 #[cfg(feature = "audit")]
@@ -24,6 +27,7 @@ mod ntp;
 mod option;
 mod own_network;
 mod point_checks;
+mod point_options;
 mod point_problem;
 mod point_words;
 mod points;
@@ -54,9 +58,10 @@ pub use self::apply::{Applied, apply};
 pub(crate) use self::line::LineBuffer;
 pub(crate) use self::loader::Observer;
 pub use self::loader::{LoadError, Loader};
+pub(crate) use self::long_words::value_type;
 #[cfg(feature = "points")] // The console needs it for its commands of points.
 pub(crate) use self::point_problem::PointProblem;
-pub(crate) use self::point_words::{KINDS, ORDERS, ORDERS_EXPECTED, TYPES, TYPES_EXPECTED};
+pub(crate) use self::point_words::{KINDS, ORDERS, ORDERS_EXPECTED};
 pub use self::print::write_line;
 pub(crate) use self::print::{Shown, write_shown_line};
 pub(crate) use self::problem::Problem;

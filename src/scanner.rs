@@ -14,19 +14,33 @@
 mod bits;
 mod byte_order;
 mod commands;
+// Only scales have decimal numbers.
+#[cfg(feature = "long-values")]
+mod decimal;
 mod exchange;
 mod fill;
 mod form;
 mod fraction;
 mod gather;
 mod kind;
+// Replaced by stubs in images without longer types, scales and periodic writes.
+#[cfg_attr(not(feature = "long-values"), path = "scanner/no_long.rs")]
+mod long;
 mod operation;
+#[cfg_attr(not(feature = "long-values"), path = "scanner/no_period.rs")] // As `long`.
+mod period;
 mod program;
+mod register_bits;
 mod row;
+#[cfg_attr(not(feature = "long-values"), path = "scanner/no_scale.rs")] // As `long`.
+mod scale;
 mod serve;
 mod state;
 mod station;
 mod status;
+// Only longer types have text.
+#[cfg(feature = "long-values")]
+mod text;
 mod typed;
 mod values;
 
@@ -45,24 +59,37 @@ pub(crate) use self::bits::copy_bits;
 pub use self::byte_order::ByteOrder;
 #[doc(hidden)] // Public for tests/ only.
 pub use self::commands::Refused;
+#[cfg(feature = "long-values")] // As scales.
 #[doc(hidden)] // Public for tests/ only.
-pub use self::form::{Form, RegisterBit};
+pub use self::decimal::Decimal;
+#[doc(hidden)] // Public for tests/ only.
+pub use self::form::Form;
 #[doc(hidden)] // Public for tests/ only.
 pub use self::gather::Pdu;
 #[doc(hidden)] // Public for tests/ only.
 pub use self::kind::{Kind, Modicon};
 #[doc(hidden)] // Public for tests/ only.
+pub use self::long::{LONG_VALUES, LongForm, LongType, LongValue};
+#[doc(hidden)] // Public for tests/ only.
 pub use self::operation::Operation;
+#[doc(hidden)] // Public for tests/ only.
+pub use self::period::Period;
 #[doc(hidden)] // Public for tests/ only.
 pub use self::program::{ABANDONED_AFTER, REQUESTERS};
 #[doc(hidden)] // Public for tests/ only.
+pub use self::register_bits::{RegisterBit, RegisterBits};
+#[doc(hidden)] // Public for tests/ only.
 pub use self::row::{DeviceId, Reading, Row, RowId, SCAN, Writing};
+#[doc(hidden)] // Public for tests/ only.
+pub use self::scale::{Scale, Unfit};
 pub(crate) use self::serve::age_register;
 pub use self::state::ScannerState;
 #[doc(hidden)] // Public for tests/ only.
 pub use self::station::{BACK_OFF_FIRST, BACK_OFF_LONGEST, BACK_OFF_STEP, Device, DeviceStatus, REPEATS};
 #[doc(hidden)] // Public for tests/ only.
 pub use self::status::{ErrorCode, Status};
+#[cfg(feature = "long-values")] // As text.
+pub(crate) use self::text::TEXT_REGISTERS_MAX;
 #[doc(hidden)] // Public for tests/ only.
 pub use self::typed::{TypedValue, ValueType};
 pub use self::values::VALUE_BYTES_MAX;
@@ -169,11 +196,8 @@ impl Scanner {
     /// Adds rows for the cells of `range`: as many as it takes frames, contiguous in memory. Nothing is added unless there is
     /// room for all.
     pub fn add_range(&mut self, range: Row, now: Instant) -> Result<(), Full> {
-        let mut most = range.kind.cells_max(range.write != Writing::Never);
-        if range.form == Form::Wide {
-            // Whole values in each frame.
-            most &= !1;
-        }
+        // Whole values in each frame.
+        let most = range.kind.cells_max(range.write != Writing::Never) & !range.form.rest();
         if self.entries.capacity() - self.entries.len() < usize::from(range.count.div_ceil(most)) {
             return Err(Full::Rows);
         }
@@ -203,6 +227,7 @@ impl Scanner {
     /// The next request to send at `now`, if any.
     pub fn next(&mut self, now: Instant) -> Option<Request> {
         self.abandon(now);
+        self.mark_again(now);
         self.mark_due(now);
         let count = self.stations.len();
         for nth in 0..count {
@@ -231,7 +256,11 @@ impl Scanner {
             (station.open.is_none() && station.pending).then(|| station.held())
         });
         let abandoned = self.entries.iter().map(Entry::abandoned_at);
-        rows.chain(held).chain(abandoned).min().unwrap_or(Instant::MAX)
+        let first = rows.chain(held).chain(abandoned).min().unwrap_or(Instant::MAX);
+        if !LONG_VALUES {
+            return first;
+        }
+        self.entries.iter().map(|entry| entry.again.due(entry.status)).fold(first, Instant::min)
     }
 
     /// Handles the outcome of the pending request to `device`: the response's PDU, or why there is none.

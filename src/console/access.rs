@@ -12,7 +12,7 @@ use super::command::commands;
 use super::explain::Explained;
 pub(crate) use super::log_in::Denied;
 pub(crate) use super::output::Written;
-use super::rows::{Values, text};
+use super::rows::Values;
 pub(crate) use super::show::Show;
 use super::show::write;
 use super::table::Source;
@@ -22,7 +22,7 @@ use crate::hal::System;
 use crate::language::{LineError, Words, Wrong};
 use crate::modbus::Exception;
 use crate::modbus::pdu::EXCEPTION_BIT;
-use crate::scanner::{Pdu, RowId, ValueType};
+use crate::scanner::{Pdu, RowId, Scale, TypedValue};
 use crate::settings::{PointAt, Role, Settings};
 
 /// Writes the row at `place` of a table: at place 0 the heading. Cells are separated by tabs.
@@ -87,9 +87,7 @@ pub(crate) async fn ask(
     let turn = gateway.turn(port)?;
     understood();
     let took = turn.ask(question.unit, &mut pdu).await?;
-    if question.value.registers() == 2 {
-        question.order.turn(pdu.get_mut(2..).unwrap_or_default());
-    }
+    question.value.form().turn(question.order, pdu.get_mut(2..).unwrap_or_default());
     Ok(Response { question, pdu, took })
 }
 
@@ -110,28 +108,25 @@ impl Response {
     pub(crate) fn values(&self) -> Option<(u16, Numbers<'_>)> {
         let Question { ask, first, count, value, .. } = self.question;
         let cells = self.pdu.get(2..).unwrap_or_default();
-        (ask == Ask::Read).then_some((first, Numbers { value, cells, count: count.into() }))
+        let (scale, range) = (Scale::default(), 0..count.into());
+        (ask == Ask::Read).then_some((first, Numbers(Values { value, scale, cells, range })))
     }
 }
 
-/// Values as a list of JSON; what JSON has no number for is `null`.
-pub(crate) struct Numbers<'v> {
-    value: ValueType,
-    cells: &'v [u8],
-    count: usize,
-}
+/// Values as a list of JSON; what JSON has no number for is `null`, and text and numbers of many digits are strings.
+pub(crate) struct Numbers<'v>(Values<'v>);
 
 impl Display for Numbers<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str("[")?;
-        for nth in 0..self.count {
-            let value = text(format_args!(
-                "{}",
-                Values { value: self.value, cells: self.cells, range: nth..nth + 1 }
-            ));
-            let value = value.trim_ascii_start();
-            let is_number = value.trim_start_matches('-').bytes().next().is_some_and(|b| b.is_ascii_digit());
-            write!(f, "{}{}", if nth > 0 { "," } else { "" }, if is_number { value } else { "null" })?;
+        for nth in self.0.range.clone() {
+            f.write_str(if nth > 0 { "," } else { "" })?;
+            match self.0.get(nth) {
+                Some(TypedValue::Long(value)) => value.write_json(f)?,
+                Some(TypedValue::Fraction(value)) if !value.is_finite() => f.write_str("null")?,
+                Some(value) => value.fmt(f)?,
+                None => f.write_str("null")?,
+            }
         }
         f.write_str("]")
     }
@@ -174,7 +169,12 @@ pub(crate) fn point<R>(
                 status: &scanner.status(id, now),
                 age: scanner.age(id, now),
                 label: &point.label,
-                values: Numbers { value: point.value, cells: scanner.input(id), count: point.count.into() },
+                values: Numbers(Values {
+                    value: point.value,
+                    scale: point.scale,
+                    cells: scanner.input(id),
+                    range: 0..point.count.into(),
+                }),
             })
         }))
     })

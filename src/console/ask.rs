@@ -6,15 +6,38 @@ use super::probe::harmless;
 use super::rows::{LINE_VALUES_MAX, Values};
 use super::session::Session;
 use super::wait::{Begun, Wait, WaitEvent};
+use crate::language::listed::joined;
 use crate::language::{
-    KINDS, ORDERS, ORDERS_EXPECTED, Problem, TYPES, TYPES_EXPECTED, Word, Words, Wrong, medium, parse_number,
-    small,
+    KINDS, ORDERS, ORDERS_EXPECTED, Problem, Word, Words, Wrong, medium, parse_number, small, value_type,
 };
 use crate::modbus::Exception;
 use crate::modbus::pdu::function::{DIAGNOSTICS, WRITE_MULTIPLE_COILS, WRITE_MULTIPLE_REGISTERS};
 use crate::modbus::pdu::{EXCEPTION_BIT, check_request};
-use crate::scanner::{ByteOrder, Kind, Pdu, ValueType};
+use crate::scanner::{ByteOrder, Kind, LONG_VALUES, Pdu, Scale, ValueType};
 use crate::settings::{PortId, Settings, Time};
+
+const TYPES: &str = if LONG_VALUES {
+    "as u16|i16|u32|i32|f32|u64|i64|f64|text N,\n          order 0123|2301|1032|3210"
+} else {
+    "as u16|i16|u32|i32|f32, order 0123|2301|1032|3210"
+};
+
+pub(super) const READ_HELP: &str = joined!(&[
+    "read UNIT|POINT ...\treads at once, and shows the values
+read POINT
+read UNIT coil|discrete|input|holding ADDRESS [OPTION]... via PORT
+  OPTION: count N, ",
+    TYPES,
+]);
+
+pub(super) const WRITE_HELP: &str = joined!(&[
+    "write UNIT|POINT ...\twrites at once
+write POINT [[at N] VALUE...]\tsets its values, from value N on; between
+\tbegin and finish they are only set
+write UNIT coil|holding ADDRESS [OPTION]... VALUE... via PORT
+  OPTION: ",
+    TYPES,
+]);
 
 /// Function, address and count; a write's byte count follows (Application Protocol 6).
 const READ_BYTES: usize = 5;
@@ -73,9 +96,7 @@ impl Question {
                         return Wait::End;
                     }
                 }
-                if self.value.registers() == 2 {
-                    self.order.turn(session.pdu.get_mut(2..).unwrap_or_default());
-                }
+                self.value.form().turn(self.order, session.pdu.get_mut(2..).unwrap_or_default());
             }
             _ => {}
         }
@@ -91,7 +112,7 @@ impl Question {
         self.shown = range.end;
         let address = usize::from(self.first) + at * usize::from(self.value.registers());
         let cells = session.pdu.get(2..).unwrap_or_default();
-        let values = Values { value: self.value, cells, range };
+        let values = Values { value: self.value, scale: Scale::default(), cells, range };
         session.out.line(format_args!("[{address}]{values}"));
         Wait::Sent
     }
@@ -145,9 +166,9 @@ impl Question {
         let _ = request.resize(head, 0);
         let mut values = 0;
         while !words.peek().is("via") && !words.peek().is_end() {
-            let word = words.take();
+            let word = if self.value.is_text() { words.take_quoted() } else { words.take() };
             if word.is("as") && !self.kind.is_bits() {
-                self.value = words.take().keyword(TYPES, TYPES_EXPECTED)?;
+                self.value = value_type(words, true)?;
             } else if word.is("order") {
                 self.order = words.take().keyword(ORDERS, ORDERS_EXPECTED)?;
             } else if word.is("count") && !writes {
@@ -185,11 +206,9 @@ impl Question {
         } else {
             let value = self.value.parse(word.text);
             let mut value = value.ok_or_else(|| word.expected("a value of this type"))?;
-            let bytes = 2 * usize::from(self.value.registers());
-            if bytes == 4 {
-                self.order.turn(&mut value);
-            }
-            request.extend_from_slice(value.get(..bytes).unwrap_or(&[])).is_ok()
+            let value = value.get_mut(..2 * usize::from(self.value.registers())).unwrap_or_default();
+            self.value.form().turn(self.order, value);
+            request.extend_from_slice(value).is_ok()
         };
         has_room.then_some(()).ok_or_else(|| word.expected("no more values than a frame holds"))
     }

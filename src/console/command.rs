@@ -5,7 +5,7 @@
 
 use embassy_time::Instant;
 
-use super::ask::Ask;
+use super::ask::{Ask, READ_HELP, WRITE_HELP};
 use super::candidate;
 #[cfg(feature = "web")] // As its module.
 use super::explain;
@@ -82,27 +82,16 @@ tune PORT [units A-B] [count N]
     ),
     (
         "read",
-        command(
-            Operator,
-            "read UNIT|POINT ...\treads at once, and shows the values
-read POINT
-read UNIT coil|discrete|input|holding ADDRESS [OPTION]... via PORT
-  OPTION: count N, as u16|i16|u32|i32|f32, order 0123|2301|1032|3210",
-            |session, words, job| session.access(PointCommand::Read, Ask::Read, words, job),
-        )
+        command(Operator, READ_HELP, |session, words, job| {
+            session.access(PointCommand::Read, Ask::Read, words, job)
+        })
         .then(POINTS, POINTS),
     ),
     (
         "write",
-        ordered(
-            Operator,
-            "write UNIT|POINT ...\twrites at once
-write POINT [[at N] VALUE...]\tsets its values, from value N on; between
-\tbegin and finish they are only set
-write UNIT coil|holding ADDRESS [OPTION]... VALUE... via PORT
-  OPTION: as u16|i16|u32|i32|f32, order 0123|2301|1032|3210",
-            |session, words, job| session.access(PointCommand::Write, Ask::Write, words, job),
-        )
+        ordered(Operator, WRITE_HELP, |session, words, job| {
+            session.access(PointCommand::Write, Ask::Write, words, job)
+        })
         .then(POINTS, POINTS),
     ),
     #[cfg(feature = "web")] // As its module.

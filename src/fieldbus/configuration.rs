@@ -12,8 +12,7 @@ use crate::scanner::{ByteOrder, ValueType};
 use crate::settings::{OnSilence, SlaveSettings};
 
 /// Register types, by number (8nn0h:0E and 0F).
-pub(super) const TYPES: [ValueType; 5] =
-    [ValueType::U16, ValueType::I16, ValueType::U32, ValueType::I32, ValueType::F32];
+pub(super) const TYPES: &[ValueType] = ValueType::NUMBERS;
 /// Byte orders, by number (8nn0h:10).
 pub(super) const ORDERS: [ByteOrder; 4] =
     [ByteOrder::Order0123, ByteOrder::Order2301, ByteOrder::Order1032, ByteOrder::Order3210];

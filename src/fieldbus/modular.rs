@@ -231,6 +231,12 @@ fn values_of(table: &Table) -> (&'static str, Entry) {
         ValueType::U32 => DataType::U32,
         ValueType::I32 => DataType::I32,
         ValueType::F32 => DataType::F32,
+        ValueType::Long(long) => match long.name() {
+            "u64" => DataType::U64,
+            "i64" => DataType::I64,
+            // Text has no place in an image.
+            _ => DataType::F64,
+        },
     };
     let (name, entry) = match table.index {
         0x6000 => ("Discrete inputs", Entry::input("Discrete input", data_type)),

@@ -74,7 +74,7 @@ pub(super) fn ident(slave: &SlaveSettings) -> u32 {
     const CHECKSUM: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
     let mut digest = CHECKSUM.digest();
     for table in tables(slave, Channel::Inputs) {
-        digest.update(&[table.kind as u8, table.value_type as u8]);
+        digest.update(&[table.kind as u8, table.value_type.number()]);
         digest.update(&table.values.to_le_bytes());
     }
     match digest.finalize() & !VARIANTS {
@@ -183,6 +183,34 @@ mod tests {
         idents.dedup();
         assert_eq!(idents.len(), 8);
         assert_eq!(idents[0], 0, "without process data there is no module");
+    }
+
+    #[cfg(feature = "long-values")] // As the types.
+    #[test]
+    fn values_of_four_registers_are_turned_as_a_whole_and_have_types_of_their_own() {
+        use crate::scanner::LongType;
+
+        let [whole, float] = [LongType::U64, LongType::F64].map(ValueType::Long);
+        let cells = [0, 0, 8, 4].map(|count| Cells { count, address: 0 });
+        let slave = SlaveSettings { cells, types: [whole, float], ..SlaveSettings::new(1) };
+        let layout = DeviceLayout([0, 0, 0, 0, 16, 23, 0, 0, 0, 7]);
+        let image = [
+            [1, 2, 3, 4, 5, 6, 7, 8],
+            [0, 0, 0, 0, 0, 0, 0, 1],
+            [0xc0, 0, 0, 0, 0, 0, 0, 0], // -2.0
+        ];
+        let mut pdo = [0; 24];
+        put_inputs(&slave, &layout, image.as_flattened(), &mut pdo);
+        assert_eq!(pdo[..8], [8, 7, 6, 5, 4, 3, 2, 1]);
+        assert_eq!(u64::from_le_bytes(pdo[8..16].try_into().unwrap()), 1);
+        assert_eq!(f64::from_le_bytes(pdo[16..].try_into().unwrap()), -2.0);
+        let mut outputs = [0; 8];
+        take_outputs(&slave, &layout, &1.5_f64.to_le_bytes(), &mut outputs);
+        assert_eq!(outputs, 1.5_f64.to_be_bytes());
+        let mut idents =
+            ValueType::NUMBERS.iter().map(|of| ident(&SlaveSettings { types: [*of; 2], ..slave }));
+        let idents: std::collections::BTreeSet<_> = idents.by_ref().collect();
+        assert_eq!(idents.len(), 8);
     }
 
     #[test]

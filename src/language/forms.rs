@@ -10,7 +10,7 @@ use super::port_kinds::new_port;
 pub(crate) use super::shape::Shape;
 use super::shape::{KIND, Member, NAME};
 use super::words::Words;
-use super::{own_network, point_words, route_words, servers, slaves};
+use super::{own_network, point_options, route_words, servers, slaves};
 use crate::scanner::POINTS;
 use crate::settings::{AUDIT, BAUD, PortKind, SERVERS, SLAVES_MAX, TLS, USERS, UnitPolicy};
 
@@ -107,8 +107,8 @@ const BEFORE_PORTS: &[Form] = &[
 const AFTER_PORTS: &[Form] = &[
     form("server", &[("port", TEXT)], Options::Each(servers::members)),
     form("route", ROUTE, Options::Each(route_words::members)),
-    form("device", &[NAME], Options::Each(|each| point_words::members(false, each))),
-    form("point", POINT, Options::Each(|each| point_words::members(true, each))),
+    form("device", &[NAME], Options::Each(|each| point_options::members(false, each))),
+    form("point", POINT, Options::Each(|each| point_options::members(true, each))),
     form("slave", SLAVE, Options::Each(slaves::members)),
 ];
 

@@ -28,7 +28,8 @@ pub(crate) fn check_others(
     let index = index.unwrap_or(settings.points.len());
     let others = || settings.points.iter().enumerate().filter(|&(at, _)| at != index).map(|(_, other)| other);
     let shows = |other: &PointSettings| matches!(other.at, PointAt::Local { of: Some(of), .. } if usize::from(of) == index);
-    let is_same = |old: &PointSettings| (old.count, old.value) == (point.count, point.value);
+    let is_same =
+        |old: &PointSettings| (old.count, old.value, old.scale) == (point.count, point.value, point.scale);
     if let PointAt::Local { of: Some(of), .. } = point.at
         && usize::from(of) >= index
     {

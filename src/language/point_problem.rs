@@ -2,6 +2,8 @@
 
 use thiserror::Error;
 
+#[cfg(feature = "long-values")] // As scales.
+use crate::scanner::Decimal;
 use crate::scanner::{DEVICES_MAX, VALUE_BYTES_MAX};
 use crate::settings::POINTS_MAX;
 
@@ -71,8 +73,8 @@ pub(crate) enum PointProblem {
     /// A value of several bits must use all of them.
     #[error("expected a multiple of {0}: a value has that many bits")]
     PartOfValue(u16),
-    /// A bit of a register is one value, 0 or 1.
-    #[error("a bit of a register has neither count nor type")]
+    /// Bits of a register are one value.
+    #[error("bits of a register have neither count nor type")]
     BitOfRegister,
     /// Number and type come from the point that is shown.
     #[error("cannot be combined with of: the other point has the values")]
@@ -80,6 +82,14 @@ pub(crate) enum PointProblem {
     /// The table cannot be written.
     #[error("discrete inputs and input registers cannot be written")]
     NotWritable,
+    /// Bits and text have no scale.
+    #[cfg(feature = "long-values")] // As scales.
+    #[error("is for numbers only")]
+    NotANumber,
+    /// A value out of the range of its raw number.
+    #[cfg(feature = "long-values")] // As above.
+    #[error("expected a value from {0} to {1}")]
+    Beyond(Decimal, Decimal),
     /// Addresses beyond 65535.
     #[error("the cells go beyond address 65535")]
     AddressesEnd,

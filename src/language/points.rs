@@ -16,7 +16,7 @@ pub(crate) const fn usual_type(kind: Kind) -> ValueType {
 /// The default reading of a point, which depends on its writing: one that is only written is not read.
 pub(crate) fn usual_reading(write: Writing) -> Reading {
     match write {
-        Writing::Auto | Writing::OnChange => Reading::Manual,
+        Writing::Auto | Writing::OnChange | Writing::Every(_) => Reading::Manual,
         Writing::Manual | Writing::Never => Reading::Normal,
     }
 }
@@ -42,7 +42,7 @@ pub(crate) struct PointWords<'s> {
 
 impl Display for PointWords<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let PointSettings { at, kind, first, count, value, label, .. } = self.point;
+        let PointSettings { at, kind, first, count, value, scale, label, .. } = self.point;
         let of = match at {
             PointAt::Device { device, .. } => {
                 f.write_str(self.settings.device_name(*device))?;
@@ -59,14 +59,20 @@ impl Display for PointWords<'_> {
         } else {
             let count = if kind.is_bits() { self.point.cells() } else { *count };
             option(f, "count", &count, count != 1)?;
-            option(f, "as", &value.name(), ![usual_type(*kind), ValueType::Bit].contains(value))?;
+            option(f, "as", value, ![usual_type(*kind), ValueType::Bit].contains(value))?;
+            scale.write(f)?;
         }
         match *at {
-            PointAt::Device { read, write, multiple, bit, .. } => {
-                option(f, "bit", &bit.map_or(0, |bit| bit as u8), bit.is_some())?;
+            PointAt::Device { read, write, multiple, bits, .. } => {
+                if let Some(bits) = bits {
+                    option(f, if bits.is_one() { "bit" } else { "bits" }, &bits, true)?;
+                }
                 option(f, "read", &read, read != usual_reading(write))?;
                 option(f, "write", &"auto", write == Writing::Auto)?;
                 option(f, "write", &"change", write == Writing::OnChange)?;
+                if let Some(period) = write.period() {
+                    option(f, "write every", &Time(period.duration()), true)?;
+                }
                 if multiple {
                     f.write_str(" multiple")?;
                 }

@@ -113,6 +113,10 @@ pub(crate) enum Problem {
     /// The board has no data points.
     #[error("this board has no data points")]
     NoPoints,
+    /// The image has no longer types, scales and periodic writes.
+    #[cfg_attr(feature = "long-values", allow(dead_code))] // Those with them refuse none.
+    #[error("this board's image lacks it (feature long-values)")]
+    NoLongValues,
     /// A problem with points, devices or slaves.
     #[error(fmt = fmt_points)]
     Points(PointProblem),

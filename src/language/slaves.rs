@@ -8,13 +8,14 @@ use core::ops::RangeInclusive;
 use embassy_time::Duration;
 
 use super::changed::Changed;
+use super::long_words::{lacking, value_type};
 use super::option::option;
 use super::point_problem::PointProblem;
-use super::point_words::{ORDERS, ORDERS_EXPECTED, PERIOD, TYPES, TYPES_EXPECTED, whole_ms};
+use super::point_words::{ORDERS, ORDERS_EXPECTED};
 use super::problem::Problem;
 #[cfg(feature = "web")] // As what uses it.
 use super::shape::Shape;
-use super::values::{medium, number, small};
+use super::values::{PERIOD, medium, number, small, whole_ms};
 use super::words::{Word, Words, Wrong};
 use crate::scanner::{ByteOrder, Kind, ValueType};
 use crate::settings::{Cells, OnSilence, POLLING_MS, PortKind, SLAVES_MAX, Settings, SlaveSettings, Time};
@@ -63,6 +64,10 @@ pub(crate) fn members(each: &mut dyn FnMut(&'static str, Shape)) {
 
 /// Parses a device up to the end of the line, and stores it.
 pub(crate) fn slave(settings: &mut Settings, words: &Words) -> Result<Changed, Wrong> {
+    parse_slave(settings, words).map_err(|Wrong| lacking(words))
+}
+
+fn parse_slave(settings: &mut Settings, words: &Words) -> Result<Changed, Wrong> {
     let word = words.take();
     if !settings.ports.iter().flatten().any(|port| matches!(port.kind, PortKind::Ethercat(_))) {
         return Err(word.error(Problem::Points(PointProblem::NoEthercat)));
@@ -108,15 +113,15 @@ fn table(slave: &mut SlaveSettings, kind: Kind, words: &Words) -> Result<(), Wro
     if words.peek().is("as") {
         let word = words.take();
         let [input, holding] = &mut slave.types;
-        let value_type = match kind {
+        let target = match kind {
             Kind::Coil | Kind::Discrete => {
                 return Err(word.error(Problem::Points(PointProblem::BitsHaveNoType)));
             }
             Kind::Input => input,
             Kind::Holding => holding,
         };
-        *value_type = words.take().keyword(TYPES, TYPES_EXPECTED)?;
-        count = count.saturating_mul(value_type.registers());
+        *target = value_type(words, false)?;
+        count = count.saturating_mul(target.registers());
     }
     if u32::from(address) + u32::from(count) > 65_536 {
         return Err(first.error(Problem::Points(PointProblem::AddressesEnd)));

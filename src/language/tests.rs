@@ -4,6 +4,9 @@
 #[cfg(feature = "tls")]
 mod certificates;
 mod network;
+// As below.
+#[cfg(all(feature = "points", not(feature = "long-values")))]
+mod no_long;
 // And only one that was built without them has none.
 #[cfg(not(feature = "points"))]
 mod no_points;

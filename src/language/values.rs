@@ -46,6 +46,17 @@ pub(crate) fn time(word: Word, range: &RangeInclusive<Duration>) -> Result<Durat
     Err(word.error(Problem::TimeRange { low: *range.start(), high: *range.end() }))
 }
 
+/// Periods of polling, and of writes.
+pub(crate) const PERIOD: RangeInclusive<Duration> = Duration::from_millis(1)..=Duration::from_secs(3_600);
+
+/// A time in whole milliseconds.
+pub(crate) fn whole_ms(word: Word, range: &RangeInclusive<Duration>) -> Result<u32, Wrong> {
+    let period = time(word, range)?;
+    let whole = u32::try_from(period.as_millis()).ok();
+    let whole = whole.filter(|ms| Duration::from_millis((*ms).into()) == period);
+    whole.ok_or_else(|| word.expected("whole milliseconds"))
+}
+
 /// Parses a number within `range`; the error says `what` it counts.
 pub(crate) fn number(word: Word, what: &'static str, range: RangeInclusive<u32>) -> Result<u32, Wrong> {
     parse_number(word.text)

@@ -144,48 +144,11 @@ pub(crate) const VERBS: Verbs<Change> = &[
     ),
     (
         "point",
-        verb(
-            "point NAME DEVICE|local ...\tties registers or coils to a variable
-point NAME DEVICE coil|discrete|input|holding ADDRESS [OPTION]...
-  OPTION: count N, as u16|i16|u32|i32|f32, bit N, label \"TEXT\",
-          read low|normal|high|manual|T, write auto|change|manual, multiple
-point NAME local coil|discrete|input|holding ADDRESS [OPTION]...
-  OPTION: count N, as TYPE, of POINT, quality ADDRESS
-  ADDRESS: as it is on the wire, or Modicon's: 40001 is holding 0.
-  as, of coils and discrete inputs: 16 or 32 of them are a number, the first
-  its lowest bit; count is that of the bits.
-  bit: one bit of a register, from 0; written by function 22, or read,
-  changed and written where the device does not know that.
-  read: every 5s, 1s, 200ms, or T; write auto: whenever the variable is
-  written, change: when its value changes.
-  of: shows the variable of another point; quality: input registers with its
-  status word and age in 0.1s.
-  point lamps meter coil 16 count 16 as u16
-  point run meter holding 40 bit 3 write change
-  point power meter holding 0 count 2 as f32 read high label \"Power\"",
-            point_words::point,
-        )
-        .then(POINTS_AND_OPTIONS, POINTS_AND_OPTIONS)
-        .of_points(changes::absent),
+        verb(verb_help::POINT, point_words::point)
+            .then(POINTS_AND_OPTIONS, POINTS_AND_OPTIONS)
+            .of_points(changes::absent),
     ),
-    (
-        "slave",
-        verb(
-            "slave N unit U ...\ta device in the EtherCAT process image
-slave N unit U [coil|discrete ADDRESS [count N]]... [OPTION]...
-slave N unit U [input|holding ADDRESS [count N] [as TYPE]]... [OPTION]...
-  N: from 0, in the order of their values. A MainDevice configures it, too.
-  TYPE: u16, i16, u32, i32 or f32
-  OPTION: order 0123|2301|1032|3210, read T (else every 1s),
-          check: a function 8 goes before each poll,
-          on-silence hold|clear|substitute VALUE: what its inputs become
-          when it does not respond any more: they stay, are 0, or each
-          register is VALUE and each bit its lowest one
-  slave 0 unit 232 coil 10 count 18 holding 40010 count 4 on-silence clear",
-            slaves::slave,
-        )
-        .of_points(changes::absent),
-    ),
+    ("slave", verb(verb_help::SLAVE, slaves::slave).of_points(changes::absent)),
     (
         "edit",
         verb(

@@ -111,6 +111,18 @@ impl<'a> Words<'a> {
         self.wrong.take().unwrap_or_else(LineError::too_long)
     }
 
+    /// Puts `problem` in place of what is wrong with a word that is one of `known`.
+    // Images with all words lack none.
+    #[cfg(not(feature = "long-values"))]
+    pub(crate) fn explain(&self, known: &[&str], problem: Problem) -> Wrong {
+        let mut wrong = self.wrong();
+        if known.iter().any(|word| wrong.word.eq_ignore_ascii_case(word)) {
+            wrong.problem = problem;
+        }
+        self.wrong.set(Some(wrong));
+        Wrong
+    }
+
     /// The next word, without consuming it.
     pub(crate) fn peek(&self) -> Word<'_> {
         let (rest, column) = (self.rest.get(), self.column.get());

@@ -33,7 +33,7 @@ pub enum Refused {
     /// Another requester's command is in progress.
     #[error("another requester's command is in progress")]
     Taken,
-    /// There is no such command.
+    /// There is no such command, or the value has more bits than the cells.
     #[error("there is no such command")]
     Value,
 }
@@ -117,7 +117,12 @@ impl Scanner {
         if row.device.is_some() && row.write == Writing::Never {
             return Err(Refused::ReadOnly);
         }
-        let own = self.values.span_mut(row.output, kind.bytes(size));
+        if row.register_bits().is_some_and(|bits| !bits.hold(cells)) {
+            return Err(Refused::Value);
+        }
+        // What is written periodically is the outputs, until this is written.
+        let into = if row.write.period().is_some() { row.input } else { row.output };
+        let own = self.values.span_mut(into, kind.bytes(size));
         let (from, count) = (usize::from(from), usize::from(count));
         let mut changes = false;
         if kind.is_bits() {
@@ -133,8 +138,8 @@ impl Scanner {
             entry.fresh = now;
         }
         let failed = entry.status.any(Status::LAST_ERROR) && entry.status.any(Status::LAST_WAS_WRITE);
-        if row.write == Writing::Auto || row.write == Writing::OnChange && (changes || failed) {
-            self.mark(id, true);
+        if row.write.is_auto() || row.write == Writing::OnChange && (changes || failed) {
+            self.mark_written(id);
         }
         Ok(())
     }
@@ -156,7 +161,7 @@ impl Scanner {
     /// Writes the row immediately; a device that does not respond gets it at the next attempt.
     pub fn write(&mut self, id: RowId) -> Result<(), Refused> {
         self.writable(id)?;
-        self.mark(id, true);
+        self.mark_written(id);
         Ok(())
     }
 
@@ -231,8 +236,25 @@ impl Scanner {
         }
         entry.status.clear(Status::WRITE_BLOCKED);
         entry.command.finished();
-        self.mark(id, true);
+        self.mark_written(id);
         Ok(())
+    }
+
+    /// Marks the row as its variable is to be written. A periodic write writes that from now on, unless a safe write is in progress.
+    fn mark_written(&mut self, id: RowId) {
+        if let Some(Entry { row, status, .. }) =
+            self.entry(id).filter(|entry| entry.row.write.period().is_some())
+            && !status.any(Status::WRITE_BLOCKED)
+        {
+            let (row, bytes) = (*row, row.bytes());
+            self.values.copy(row.input, row.output, bytes);
+        }
+        self.mark(id, true);
+    }
+
+    /// Whether the value that was written last is written again; not before a first write.
+    pub fn is_written_again(&self, id: RowId) -> bool {
+        self.variable(id).is_some_and(|entry| entry.again.is_armed())
     }
 
     pub(super) fn mark(&mut self, id: RowId, write: bool) {

@@ -3,7 +3,8 @@
 use embassy_time::Instant;
 
 use super::gather::{Pdu, gather, mask_request, read_request, store_request, take_cells, write_request};
-use super::row::{DeviceId, Entry, Writing};
+use super::long::LONG_VALUES;
+use super::row::{DeviceId, Entry, RowId, Writing};
 use super::station::Open;
 use super::status::{ErrorCode, Status};
 use super::{Request, Scanner};
@@ -64,21 +65,45 @@ impl Scanner {
         }
         let extent = gather(&mut self.entries, leader, write, repeats)?;
         let values = &self.values;
-        let (open, pdu) = match (write, lead.bit(), station.repeats) {
+        let (open, pdu) = match (write, lead.register_bits(), station.repeats) {
             (false, ..) => (Open::Read { first: extent.first }, read_request(extent)),
             (true, None, _) => {
                 (Open::Write, write_request(&self.entries, &lead, extent, values, &station.device))
             }
-            (true, Some(bit), Some(open @ Open::Store { register })) => {
-                (open, store_request(&lead, bit, register, values))
+            (true, Some(bits), Some(open @ Open::Store { register })) => {
+                (open, store_request(&lead, bits, register, values))
             }
             (true, Some(_), _) if lead.multiple || station.refuses_masks => {
                 (Open::Fetch, read_request(extent))
             }
-            (true, Some(bit), _) => (Open::Mask, mask_request(&lead, bit, values)),
+            (true, Some(bits), _) => (Open::Mask, mask_request(&lead, bits, values)),
         };
         station.asked(open);
+        if LONG_VALUES && write {
+            self.write_again_later(device, now);
+        }
         Some(Request { device, unit, pdu })
+    }
+
+    /// Records when the rows that are being written are written again.
+    fn write_again_later(&mut self, device: DeviceId, now: Instant) {
+        let entries = self.entries.iter_mut().filter(|entry| entry.row.device == Some(device));
+        for entry in entries.filter(|entry| entry.status.any(Status::CURRENT_IS_WRITE)) {
+            entry.again.sent(entry.row.write.period(), now);
+        }
+    }
+
+    /// Marks the rows that are to be written again by now.
+    pub(super) fn mark_again(&mut self, now: Instant) {
+        if !LONG_VALUES {
+            return;
+        }
+        for at in 0..self.entries.len() {
+            let is_due = |entry: &Entry| entry.again.due(entry.status) <= now;
+            if self.entries.get(at).is_some_and(is_due) {
+                self.mark(RowId(at as u8), true);
+            }
+        }
     }
 
     /// Continues with `open`, the second half of what is in progress at `device`, before anything else.

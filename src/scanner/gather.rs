@@ -2,11 +2,11 @@
 //!
 //! The row whose turn it is takes along the marked rows of its device and table with adjacent addresses, first upwards, then
 //! downwards, up to the protocol's limit. Rows to be read may overlap; rows to be written may not, since their order matters. A
-//! single cell written by function 5 or 6 goes alone, and so does a bit of a register.
+//! single cell written by function 5 or 6 goes alone, and so do bits of a register.
 
 use super::bits::{bit, copy_bits};
-use super::form::RegisterBit;
 use super::kind::Kind;
+use super::register_bits::RegisterBits;
 use super::row::{Entry, Row};
 use super::station::Device;
 use super::status::Status;
@@ -58,7 +58,7 @@ fn is_single(row: &Row) -> bool {
 
 /// Whether it is written alone.
 fn is_alone(row: &Row) -> bool {
-    is_single(row) || row.bit().is_some()
+    is_single(row) || row.register_bits().is_some()
 }
 
 /// Marks the rows that share a frame with row `leader` as in progress, and returns the frame's cells. A frame that `repeats` has
@@ -144,22 +144,22 @@ pub(super) fn write_request(
     pdu
 }
 
-/// The request that sets or clears `bit` in the register of `lead`, as in the variable (function 22).
-pub(super) fn mask_request(lead: &Row, bit: RegisterBit, values: &Values) -> Pdu {
+/// The request that sets and clears `bits` in the register of `lead`, as in the variable (function 22).
+pub(super) fn mask_request(lead: &Row, bits: RegisterBits, values: &Values) -> Pdu {
     let mut pdu = Pdu::new();
-    let keeps = !bit.mask(true);
+    let keeps = !bits.mask();
     // Seven bytes (Application Protocol 6.16).
     let _ = pdu.push(MASK_WRITE_REGISTER);
-    for field in [lead.first, keeps, bit.put(0, values.span(lead.output, lead.bytes()))] {
+    for field in [lead.first, keeps, bits.put(0, values.span(lead.output, lead.bytes()))] {
         let _ = pdu.extend_from_slice(&field.to_be_bytes());
     }
     pdu
 }
 
-/// The request that writes the register of `lead`, as read before, with `bit` as in the variable.
-pub(super) fn store_request(lead: &Row, bit: RegisterBit, register: u16, values: &Values) -> Pdu {
+/// The request that writes the register of `lead`, as read before, with `bits` as in the variable.
+pub(super) fn store_request(lead: &Row, bits: RegisterBits, register: u16, values: &Values) -> Pdu {
     let mut pdu = Pdu::new();
-    let register = bit.put(register, values.span(lead.output, lead.bytes())).to_be_bytes();
+    let register = bits.put(register, values.span(lead.output, lead.bytes())).to_be_bytes();
     let [first, first_low] = lead.first.to_be_bytes();
     // Eight bytes at most.
     let _ = match lead.multiple {
@@ -177,8 +177,8 @@ pub(super) fn take_cells(row: &Row, first: u16, response: &[u8], device: &Device
     if row.kind.is_bits() {
         // Unused bits stay 0.
         copy_bits(data, at, into, 0, usize::from(row.count));
-    } else if let (Some(bit), Some(register)) = (row.bit(), register(data, at)) {
-        into.fill(bit.take(register));
+    } else if let (Some(bits), Some(register)) = (row.register_bits(), register(data, at)) {
+        bits.take(register, into);
     } else if let Some(own) = data.get(2 * at..2 * at + into.len()) {
         into.copy_from_slice(own);
     }

@@ -3,9 +3,12 @@
 use embassy_time::{Duration, Instant};
 
 use super::bits::bit;
-use super::form::{Form, RegisterBit};
+use super::form::Form;
 use super::kind::Kind;
+use super::long::LONG_VALUES;
 use super::operation::Command;
+use super::period::{Again, Period};
+use super::register_bits::RegisterBits;
 use super::status::{ErrorCode, Status};
 use super::values::Values;
 
@@ -77,14 +80,15 @@ impl Row {
         input != output
     }
 
-    /// The bit of a register, for rows that are a single bit; always written alone.
-    pub(super) fn bit(&self) -> Option<RegisterBit> {
-        if let Form::Bit(bit) = self.form { Some(bit) } else { None }
+    /// The bits of a register, for rows that are no more than that; always written alone.
+    pub(super) fn register_bits(&self) -> Option<RegisterBits> {
+        if let Form::Bits(bits) = self.form { Some(bits) } else { None }
     }
 
-    /// Whether inputs and outputs are a single variable.
+    /// Whether inputs and outputs are a single variable. Of a row that is written periodically the inputs are; its outputs are what
+    /// was written last.
     pub(super) fn is_one_variable(&self) -> bool {
-        self.input == self.output
+        self.input == self.output || self.write.period().is_some()
     }
 }
 
@@ -136,6 +140,20 @@ pub enum Writing {
     /// When a value is written that differs from the one written or read last, or that could not be written; an output also when
     /// the value read differs.
     OnChange,
+    /// Whenever the variable is written, and its last value again and again.
+    Every(Period),
+}
+
+impl Writing {
+    /// Whether it is written whenever the variable is.
+    pub const fn is_auto(self) -> bool {
+        matches!(self, Self::Auto | Self::Every(_))
+    }
+
+    /// How often the value written last is written again.
+    pub const fn period(self) -> Option<Period> {
+        if let Self::Every(period) = self { Some(period) } else { None }
+    }
 }
 
 /// A row with its state.
@@ -151,6 +169,8 @@ pub(super) struct Entry {
     next: Duration,
     /// When its values were last read, or set by a client of this gateway or in a safe write.
     pub(super) fresh: Instant,
+    /// When it is written again.
+    pub(super) again: Again,
     /// The last command of a program.
     pub(super) command: Command,
 }
@@ -160,8 +180,18 @@ impl Entry {
     pub(super) fn new(row: Row, now: Duration) -> Self {
         let next = round_up(now, row.read.raster());
         let fresh = Instant::MIN;
-        let command = Command::NONE;
-        Self { row, status: Status::NEW, read_turn: 0, write_turn: 0, repeats: false, next, fresh, command }
+        let (again, command) = (Again::NEVER, Command::NONE);
+        Self {
+            row,
+            status: Status::NEW,
+            read_turn: 0,
+            write_turn: 0,
+            repeats: false,
+            next,
+            fresh,
+            again,
+            command,
+        }
     }
 
     /// Records the start of its request.
@@ -211,4 +241,4 @@ fn round_up(time: Duration, raster: Duration) -> Duration {
     Duration::from_ticks(time.as_ticks().div_ceil(raster) * raster)
 }
 
-const _: () = assert!(size_of::<Entry>() <= 56, "there are many rows");
+const _: () = assert!(size_of::<Entry>() <= if LONG_VALUES { 72 } else { 56 }, "there are many rows");

@@ -103,7 +103,11 @@ impl Scanner {
         let mut at = 0;
         while at < cells.count {
             let part = self.part(cells, at).filter(|part| self.is_open(part.row));
-            at += part.ok_or(Exception::ILLEGAL_ADDRESS)?.count;
+            let part = part.ok_or(Exception::ILLEGAL_ADDRESS)?;
+            if !self.holds(&part, data) {
+                return Err(Exception::ILLEGAL_VALUE);
+            }
+            at += part.count;
         }
         let mut at = 0;
         while let Some(part) = self.part(cells, at).filter(|_| at < cells.count) {
@@ -146,11 +150,17 @@ impl Scanner {
         })
     }
 
+    /// Whether the row has as many bits as its part of the request.
+    fn holds(&self, part: &Part, data: &[u8]) -> bool {
+        let bits = self.variable(part.row).and_then(|entry| entry.row.register_bits());
+        bits.is_none_or(|bits| bits.hold(data.get(2 * usize::from(part.in_request)..).unwrap_or_default()))
+    }
+
     /// Whether outside clients may write the row.
     fn is_open(&self, id: RowId) -> bool {
         self.variable(id).is_some_and(|Entry { row, status, .. }| match row.write {
             _ if row.device.is_none() => true,
-            Writing::Auto | Writing::OnChange => true,
+            Writing::Auto | Writing::OnChange | Writing::Every(_) => true,
             Writing::Manual => row.read == Reading::Manual || status.any(Status::WRITE_BLOCKED),
             Writing::Never => false,
         })

@@ -32,6 +32,14 @@ impl Values {
         self.bytes.get_mut(first..first + usize::from(bytes)).unwrap_or_default()
     }
 
+    /// Copies values to others, which do not overlap.
+    pub(super) fn copy(&mut self, from: u16, to: u16, bytes: u16) {
+        let (from, to, bytes) = (usize::from(from), usize::from(to), usize::from(bytes));
+        if from + bytes <= self.bytes.len() && to + bytes <= self.bytes.len() {
+            self.bytes.copy_within(from..from + bytes, to);
+        }
+    }
+
     pub(super) fn clear(&mut self) {
         self.bytes.fill(0);
         self.used = 0;

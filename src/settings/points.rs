@@ -3,7 +3,8 @@
 use heapless::String;
 
 use crate::scanner::{
-    Device, DeviceId, Form, Kind, POINTS, ROWS_MAX, Reading, RegisterBit, Row, RowId, ValueType, Writing,
+    Device, DeviceId, Form, Kind, LONG_VALUES, POINTS, ROWS_MAX, Reading, RegisterBits, Row, RowId, Scale,
+    ValueType, Writing,
 };
 use crate::settings::NAME_BYTES_MAX;
 
@@ -49,6 +50,8 @@ pub struct PointSettings {
     pub count: u16,
     /// The type of the values; bits in a table of bits unless set.
     pub value: ValueType,
+    /// How people see its raw numbers; that of the point which it shows.
+    pub scale: Scale,
     /// A label for people.
     pub label: Label,
 }
@@ -66,8 +69,8 @@ pub enum PointAt {
         write: Writing,
         /// Uses function 15 or 16 even for one cell.
         multiple: bool,
-        /// The bit of a register, for a point that is a single bit.
-        bit: Option<RegisterBit>,
+        /// The bits of a register, for a point that is no more than that.
+        bits: Option<RegisterBits>,
     },
     /// In the gateway's own unit, for outside clients.
     Local {
@@ -85,23 +88,42 @@ impl PointSettings {
         self.count.saturating_mul(each)
     }
 
-    /// Bytes of memory for its own variable.
+    /// Bits of the number that is one of its values.
+    // Only images with points have the console's commands for them.
+    #[cfg_attr(not(feature = "points"), allow(dead_code))]
+    pub(crate) fn value_bits(&self) -> u16 {
+        match self.at {
+            PointAt::Device { bits: Some(bits), .. } => bits.count(),
+            _ => self.value.bits(),
+        }
+    }
+
+    /// Bytes of memory for its own variable: twice for one that is written periodically, as its last written value is kept.
     pub(crate) fn bytes(&self) -> usize {
         match self.at {
             PointAt::Local { of: Some(_), .. } => 0,
-            _ if self.value == ValueType::Bit => Kind::Coil.bytes(self.count).into(),
-            _ => Kind::Holding.bytes(self.count.saturating_mul(self.value.registers())).into(),
+            PointAt::Device { write: Writing::Every(_), .. } => 2 * usize::from(self.variable_bytes()),
+            _ => self.variable_bytes().into(),
+        }
+    }
+
+    fn variable_bytes(&self) -> u16 {
+        match self.value {
+            ValueType::Bit => Kind::Coil.bytes(self.count),
+            value => Kind::Holding.bytes(self.count.saturating_mul(value.registers())),
         }
     }
 
     /// The mapping of its cells to its variable.
+    #[cfg_attr(not(feature = "long-values"), allow(unreachable_code))] // There is no longer type.
     fn form(&self) -> Form {
-        match (self.at, self.kind.is_bits(), self.value.bits()) {
-            (PointAt::Device { bit: Some(bit), .. }, ..) => Form::Bit(bit),
-            (_, true, 16) => Form::Words,
-            (_, true, 32) => Form::Longs,
-            (_, false, 32) => Form::Wide,
-            _ => Form::Cells,
+        match (self.at, self.kind.is_bits(), self.value) {
+            (PointAt::Device { bits: Some(bits), .. }, ..) => Form::Bits(bits),
+            (_, true, ValueType::Bit) => Form::Cells,
+            (_, true, ValueType::Long(long)) => Form::Long(long.form_of_bits()),
+            (_, true, ValueType::U16 | ValueType::I16) => Form::Words,
+            (_, true, ValueType::U32 | ValueType::I32 | ValueType::F32) => Form::Longs,
+            (_, false, value) => value.form(),
         }
     }
 
@@ -123,7 +145,11 @@ impl PointSettings {
         };
         match self.at {
             PointAt::Device { device, read, write, multiple, .. } => {
-                Row { device: Some(DeviceId(device)), read, write, multiple, ..row }
+                let output = match write {
+                    Writing::Every(_) => values.saturating_add(self.variable_bytes()),
+                    _ => values,
+                };
+                Row { device: Some(DeviceId(device)), read, write, multiple, output, ..row }
             }
             PointAt::Local { of, quality } => Row { of: of.map(RowId), quality, ..row },
         }
@@ -132,4 +158,5 @@ impl PointSettings {
 
 const _: () = assert!(POINTS_MAX <= u8::MAX as usize, "a place is a byte");
 
-const _: () = assert!(size_of::<PointSettings>() <= 60, "there are many points, twice");
+const _: () =
+    assert!(size_of::<PointSettings>() <= if LONG_VALUES { 80 } else { 60 }, "there are many points, twice");

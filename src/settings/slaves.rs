@@ -59,7 +59,7 @@ pub struct SlaveSettings {
     pub cells: [Cells; 4],
     /// The types of its input registers and its holding registers.
     pub types: [ValueType; 2],
-    /// The byte order of its 32-bit values.
+    /// The byte order of its values of several registers.
     pub order: ByteOrder,
 }
 
@@ -82,9 +82,9 @@ impl SlaveSettings {
         }
     }
 
-    /// The form in memory: 32-bit values with the high byte first.
+    /// The form in memory: values with the high byte first.
     pub const fn form(&self, kind: Kind) -> Form {
-        if self.value_type(kind).registers() == 2 { Form::Wide } else { Form::Cells }
+        self.value_type(kind).form()
     }
 
     /// The tables with their configured cells.

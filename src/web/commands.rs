@@ -19,6 +19,9 @@ use crate::settings::{ClientRole, Name};
 
 /// Fits what a store tells of a version.
 const VERSION_BYTES_MAX: usize = 128;
+/// Fits a text in which each character is escaped but for some.
+#[cfg(feature = "long-values")] // As texts.
+const TEXT_BYTES_MAX: usize = 256;
 /// Bytes of a password: as at consoles.
 const PASSWORD_BYTES: core::ops::RangeInclusive<usize> = 8..=64;
 
@@ -57,7 +60,11 @@ struct Explain {
 struct Point {
     point: Word,
     at: Option<u16>,
+    #[serde(default)]
     values: Vec<f64, VALUES_MAX>,
+    /// One value as it is typed: text, or a number of more digits than a float has.
+    #[cfg(feature = "long-values")] // As such values.
+    text: Option<String<TEXT_BYTES_MAX>>,
 }
 
 #[derive(Deserialize)]
@@ -119,7 +126,13 @@ impl Point {
         self.point.bytes().next().filter(u8::is_ascii_alphabetic)?;
         optional(&mut line, "at", self.at.as_ref(), false)?;
         self.values.iter().try_for_each(|value| write!(line, " {value}")).ok()?;
-        Some(line)
+        #[cfg(feature = "long-values")] // As the field.
+        if let Some(text) = &self.text {
+            let is_word = !text.contains(|letter: char| letter == '"' || letter.is_control());
+            is_word.then(|| write!(line, " \"{text}\"").ok())??;
+            return self.values.is_empty().then_some(line);
+        }
+        (!self.values.is_empty()).then_some(line)
     }
 }
 
@@ -142,7 +155,7 @@ fn is_range(word: &Word) -> bool {
 
 /// The body has fields that are not words of a line, or too many.
 fn no_line<'s, 'g>() -> Response<'s, 'g> {
-    Response::error(422, &"port, units, point and from are one word each")
+    Response::error(422, &"port, units, point and from are one word each, and a point has values or a text")
 }
 
 impl<'a, 'g, S: Store, U: Update, Y: System> Api<'a, 'g, S, U, Y> {

@@ -5,6 +5,7 @@ mod config;
 mod console;
 mod gathering;
 mod image;
+mod periodic;
 mod polling;
 mod program;
 mod served;

@@ -86,6 +86,8 @@ pub(crate) struct Device {
     pub(crate) fresh: Option<u16>,
     /// Address that it does not have.
     pub(crate) missing: Option<u16>,
+    /// How long after a write it waits for the next one; then its holding registers are 0.
+    pub(crate) watchdog: Option<String>,
     /// Sentences such as `every 3rd bad crc`.
     #[serde(default)]
     pub(crate) faults: Vec<String>,

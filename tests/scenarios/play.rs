@@ -192,5 +192,8 @@ fn new_device(setup: &file::Device, seed: usize) -> Result<Device, String> {
     if let Some(address) = setup.missing {
         device = device.with_missing(address);
     }
+    if let Some(after) = &setup.watchdog {
+        device = device.with_watchdog(duration(after)?);
+    }
     Ok(device)
 }

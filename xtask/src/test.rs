@@ -78,9 +78,11 @@ fn run_one(suite: Suite, boards: &[String]) -> Outcome {
     match suite {
         Suite::Workspace => {
             run(&mut tests(&[]))?;
-            // The feature set of boards without EtherCAT, plus IPv6: no data points, no captures.
-            let core = ["--package", "mobgate", "--lib", "--no-default-features", "--features", "ipv6"];
-            run(&mut cargo("test", &core))
+            // The feature set of boards without EtherCAT, plus IPv6: no data points, no captures; and data points as boards have them.
+            ["ipv6", "ipv6,points"].iter().try_for_each(|features| {
+                let core = ["--package", "mobgate", "--lib", "--no-default-features", "--features", features];
+                run(&mut cargo("test", &core))
+            })
         }
         Suite::Qemu => run(&mut tests(&["--test", "qemu"])),
         Suite::Stm32 => emulated(boards),

@@ -27,9 +27,6 @@ const SLOTS: Slots = Slots {
 /// Bits, and values in registers, of the catalogue's modules.
 const BITS: [u16; 4] = [8, 16, 32, 64];
 const VALUES: [u16; 6] = [1, 2, 4, 8, 16, 32];
-/// Types of the values in registers.
-const TYPES: [ValueType; 5] =
-    [ValueType::U16, ValueType::I16, ValueType::U32, ValueType::I32, ValueType::F32];
 /// The tables in PDO order.
 const TABLES: [Kind; 4] = [Kind::Discrete, Kind::Coil, Kind::Input, Kind::Holding];
 
@@ -71,7 +68,7 @@ fn catalogue() -> Vec<SlaveSettings> {
         common.extend(BITS.map(|count| of(kind, count, ValueType::U16)));
     }
     for kind in [Kind::Input, Kind::Holding] {
-        for value_type in TYPES {
+        for value_type in ValueType::NUMBERS.iter().copied() {
             common.extend(VALUES.map(|values| of(kind, values * value_type.registers(), value_type)));
         }
     }
@@ -144,5 +141,6 @@ fn iec(value_type: ValueType) -> &'static str {
         ValueType::U32 => "UDINT",
         ValueType::I32 => "DINT",
         ValueType::F32 => "REAL",
+        ValueType::Long(long) => long.iec(),
     }
 }

@@ -60,7 +60,9 @@ fn what_is_wrong_with_a_slave_is_said() {
     let cases = [
         ("slave 5 unit 1", "\"5\": expected the next slave's number, or that of one there is, from 0 to 4"),
         ("slave 0 unit 1 coil 0 as u16", "\"as\": is for registers only"),
-        ("slave 0 unit 1 input 0 as f64", "\"f64\": expected u16, i16, u32, i32 or f32"),
+        ("slave 0 unit 1 input 0 as f16", "\"f16\": expected u16, i16, u32, i32"),
+        ("slave 0 unit 1 input 65533 as f64", "\"65533\": the cells go beyond address 65535"),
+        ("slave 0 unit 1 input 0 as text", "\"text\": expected u16, i16, u32, i32"),
         ("slave 0 unit 1 input 65535 as f32", "\"65535\": the cells go beyond address 65535"),
         ("slave 0 unit 1 order 4321", "\"4321\": expected 0123, 2301, 1032 or 3210"),
         ("slave 0", "end of line: expected unit and the slave's unit id"),

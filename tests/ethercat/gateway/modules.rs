@@ -13,8 +13,8 @@ pub(super) type Objects = GatewayObjects<'static>;
 /// Index, sub-index and value of each SDO.
 pub(super) type List = Vec<(u16, u8, Vec<u8>)>;
 
-/// Types of registers by number, in bytes: u16, i16, u32, i32, f32.
-pub(super) const TYPE_BYTES: [usize; 5] = [2, 2, 4, 4, 4];
+/// Types of registers by number, in bytes: u16, i16, u32, i32, f32, u64, i64, f64.
+pub(super) const TYPE_BYTES: [usize; 8] = [2, 2, 4, 4, 4, 8, 8, 8];
 
 fn rig() -> Rig<Objects> {
     let place = place_with("port ecat ethercat modules");
@@ -273,7 +273,7 @@ fn what_does_not_fit_is_refused_with_its_reason() {
         send(&mut rig, &list);
         assert_eq!(rig.request(SAFE_OP), (PRE_OP | ERROR, code), "{told}");
         assert_eq!(reason(&mut rig), told, "{code}");
-        assert_eq!(rig.download(0x8000, 14, &[5]), Err(0x0609_0031), "no such type");
+        assert_eq!(rig.download(0x8000, 14, &[8]), Err(0x0609_0031), "no such type");
     }
 }
 

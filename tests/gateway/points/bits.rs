@@ -1,13 +1,20 @@
-//! Single bits of registers, by value; tests/scenarios/point_bits.yaml has what goes on the line.
+//! Bits of registers, by value; tests/scenarios/point_bits.yaml has what goes on the line.
 
-use mobgate::scanner::{Form, RegisterBit, Request};
+use mobgate::scanner::{Form, RegisterBit, RegisterBits, Request};
 
 use super::{DeviceId, add, answered, at, manual, response, scanner, scanner_with};
 use crate::prelude::*;
 
 /// Bit `nth` of holding register `first`, read only when asked for.
 fn bit(device: DeviceId, first: u16, nth: usize) -> Row {
-    Row { form: Form::Bit(RegisterBit::ALL[nth]), ..manual(device, Kind::Holding, first, 1) }
+    bits(device, first, nth, nth)
+}
+
+/// Bits `from` to `to` of holding register `first`, read only when asked for.
+fn bits(device: DeviceId, first: u16, from: usize, to: usize) -> Row {
+    let of_register = RegisterBits::several(from as u8, to as u8);
+    let form = Form::Bits(of_register.unwrap_or(RegisterBits::one(RegisterBit::ALL[from])));
+    Row { form, ..manual(device, Kind::Holding, first, 1) }
 }
 
 #[test]
@@ -45,19 +52,23 @@ impl Registers {
 
 proptest! {
     #[test]
-    fn whatever_is_lost_each_bit_becomes_what_was_written_last_and_no_other_bit_changes(
+    fn whatever_is_lost_bits_become_what_was_written_last_and_no_other_bit_changes(
         knows_masks: bool,
         multiple: bool,
-        writes in prop::collection::vec((0_usize..8, any::<bool>(), 1_u64..2_000), 1..40),
+        writes in prop::collection::vec((0_usize..11, any::<u16>(), 1_u64..2_000), 1..40),
         seed: u64,
     ) {
         let (mut scanner, device) = scanner();
         let mut random = Random::new(seed);
         let mut registers = Registers { cells: [0x5a5a, 0xa5a5], knows_masks };
         let mut expected = registers.cells;
-        let bits = [(0, 0), (0, 1), (0, 7), (0, 8), (0, 15), (1, 0), (1, 3), (1, 12)];
-        let ids = bits.map(|(first, nth)| {
-            add(&mut scanner, Row { multiple, write: Writing::Auto, ..bit(device, first, nth) })
+        // None overlap: the last write of two that do would have to be the last one sent.
+        let rows = [
+            (0, 0, 0), (0, 1, 1), (0, 7, 7), (0, 8, 8), (0, 15, 15), (0, 2, 5), (0, 9, 14), (1, 0, 0), (1, 3, 3),
+            (1, 12, 12), (1, 4, 11),
+        ];
+        let ids = rows.map(|(first, from, to)| {
+            add(&mut scanner, Row { multiple, write: Writing::Auto, ..bits(device, first, from, to) })
         });
         let mut now = super::START;
         let mut work = |scanner: &mut Scanner, now, lossy: bool| {
@@ -77,13 +88,17 @@ proptest! {
             }
             registers.cells
         };
-        for (nth, on, wait) in writes {
+        for (nth, value, wait) in writes {
             now += Duration::from_millis(wait);
-            let (register, place) = bits[nth];
-            let mask = 1 << place;
+            let (register, from, to) = rows[nth];
             let expected = &mut expected[usize::from(register)];
-            *expected = if on { *expected | mask } else { *expected & !mask };
-            scanner.put(ids[nth], 0, 1, &[on.into()], now).unwrap();
+            for place in from..=to {
+                let mask = 1 << place;
+                *expected = if value >> (place - from) & 1 == 1 { *expected | mask } else { *expected & !mask };
+            }
+            let value = value % (1 << (to - from + 1));
+            let cells = if from == to { vec![value as u8] } else { value.to_be_bytes().to_vec() };
+            scanner.put(ids[nth], 0, 1, &cells, now).unwrap();
             work(&mut scanner, now, true);
         }
         for _ in 0..100 {
@@ -92,4 +107,33 @@ proptest! {
         }
         prop_assert_eq!(work(&mut scanner, now, false), expected);
     }
+}
+
+#[test]
+fn several_bits_are_a_number_that_is_read_shifted_and_refused_with_more_bits() {
+    let (mut scanner, _, id) = scanner_with(|device| bits(device, 40, 4, 7));
+    scanner.read(id, at(0)).unwrap();
+    answered(&mut scanner, at(0), &[3, 2, 0xab, 0xcd]);
+    assert_eq!(scanner.input(id), [0, 0xc]);
+    assert_eq!(scanner.put(id, 0, 1, &[0, 16], at(0)), Err(Refused::Value));
+    scanner.put(id, 0, 1, &[0, 9], at(0)).unwrap();
+    scanner.write(id).unwrap();
+    assert_eq!(scanner.next(at(0)).unwrap().pdu, [22, 0, 40, 0xff, 0x0f, 0, 0x90], "no other bit changes");
+}
+
+#[test]
+fn a_client_that_writes_more_bits_than_there_are_gets_03_and_nothing_changes() {
+    let (mut scanner, device) = scanner();
+    let of = add(&mut scanner, Row { write: Writing::Auto, ..bits(device, 40, 4, 7) });
+    let before = Row { device: None, form: Form::Cells, ..manual(device, Kind::Holding, 9, 1) };
+    let own = add(&mut scanner, before);
+    let shown = Row { device: None, form: Form::Cells, of: Some(of), ..manual(device, Kind::Holding, 10, 1) };
+    scanner.add_row(shown, at(0)).unwrap();
+    let both = |value| [16, 0, 9, 0, 2, 4, 0, 7, 0, value];
+    assert_eq!(scanner.serve(&both(16), at(0)), Err(Exception::ILLEGAL_VALUE));
+    assert_eq!(scanner.input(own), [0, 0]);
+    assert_eq!(scanner.next(at(0)), None);
+    scanner.serve(&both(15), at(0)).unwrap();
+    assert_eq!(scanner.input(own), [0, 7]);
+    assert_eq!(scanner.next(at(0)).unwrap().pdu, [22, 0, 40, 0xff, 0x0f, 0, 0xf0]);
 }

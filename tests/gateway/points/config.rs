@@ -3,7 +3,7 @@
 use mobgate::frame::FramePool;
 use mobgate::gateway::{Gateway, Ports};
 use mobgate::language::{apply, write_line};
-use mobgate::scanner::{ScannerState, ValueType};
+use mobgate::scanner::{Period, ScannerState, ValueType};
 use mobgate::settings::PointAt;
 
 use crate::prelude::*;
@@ -22,11 +22,20 @@ point total  valve discrete 64 count 32 as u32
 point run    meter holding 40 bit 3 write change
 point fault  meter input 40 bit 15 read high
 point speed  valve holding 40001 as i16 read manual
+point energy meter holding 200 count 2 as u64
+point flow   valve holding 210 as f64 scale 0.001
+point serial meter input 100 as text 8
+point heat   meter input 120 as i16 scale 0.1 offset -40
+point mode   meter holding 41 bits 4-7 write auto
+point alive  valve holding 42 write every 30s
+point wide   valve coil 64 count 64 as i64
 point seen   local input 100 of power quality 200
 point kept   local holding 7 count 4 as u32
 point lamp   local coil 0
 point panel  local holding 20 of lamps
 point runs   local coil 9 of run
+point heats  local input 500 of heat
+point raw    local holding 600 as i64 scale 10 offset 0.5
 ";
 
 fn print(settings: &Settings) -> String {
@@ -65,6 +74,8 @@ fn a_point_that_is_written_by_itself_is_polled_only_if_it_says_when() {
         ("read normal write auto", Reading::Normal, Writing::Auto),
         ("write change read high", Reading::High, Writing::OnChange),
         ("read manual", Reading::Manual, Writing::Manual),
+        ("write every 2m", Reading::Manual, Writing::Every(Period(120_000))),
+        ("read low write every 1ms", Reading::Low, Writing::Every(Period(1))),
     ] {
         let mut settings = settings_of(GOOD);
         apply(&mut settings, &format!("point new meter holding 100 {words}")).unwrap();
@@ -124,10 +135,10 @@ point x meter coil 0 count 17 as u16 => column 28: "17": expected a multiple of 
 point x meter coil 0 as u32 count 16 => column 35: "16": expected a multiple of 32: a value has that many bits
 point x meter coil 65521 count 16 as u16 => column 15: "coil": the cells go beyond address 65535
 point x meter holding 0 bit 16 => column 29: "16": expected a bit of the register from 0 to 15
-point x meter holding 0 bit 3 count 2 => column 31: "count": a bit of a register has neither count nor type
-point x meter holding 0 as i16 bit 3 => column 32: "bit": a bit of a register has neither count nor type
+point x meter holding 0 bit 3 count 2 => column 31: "count": bits of a register have neither count nor type
+point x meter holding 0 as i16 bit 3 => column 32: "bit": bits of a register have neither count nor type
 point x meter input 0 bit 3 write auto => column 29: "write": discrete inputs and input registers cannot be written
-point x local holding 900 bit 3 => column 27: "bit": expected count, as, of, quality or label
+point x local holding 900 bit 3 => column 27: "bit": expected count, as, of, quality, scale, offset or label
 point x local holding 900 of run => column 30: "run": has bits where the other has numbers
 point x local coil 900 of lamps => column 27: "lamps": has numbers where the other has bits
 point x meter input 0 write auto => column 23: "write": discrete inputs and input registers cannot be written
@@ -136,8 +147,8 @@ point x meter holding 0 read 750us => column 30: "750us": expected a time from 1
 point x meter holding 0 read 1.5ms => column 30: "1.5ms": expected whole milliseconds
 point x meter holding 0 read sometimes => column 30: "sometimes": expected low, normal, high, manual, or a period such as 250ms
 point x meter holding 0 count 2 count 3 => column 33: "count": is set twice in this line
-point x meter holding 0 of power => column 25: "of": expected count, as, bit, read, write, multiple or label
-point x local holding 0 read high => column 25: "read": expected count, as, of, quality or label
+point x meter holding 0 of power => column 25: "of": expected count, as, bit, read, write, multiple, bits, scale, offset or label
+point x local holding 0 read high => column 25: "read": expected count, as, of, quality, scale, offset or label
 point x local holding 10 => column 15: "holding": another local point has cells there
 point x local input 201 => column 15: "input": another local point has cells there
 point x local input 0 quality 199 => column 15: "input": another local point has cells there
@@ -206,6 +217,11 @@ fn places_close_up_when_a_device_or_a_point_goes() {
         "delete point seen",
         "delete point power",
         "delete point limit",
+        "delete point energy",
+        "delete point serial",
+        "delete point heats",
+        "delete point heat",
+        "delete point mode",
         "delete device meter",
     ] {
         apply(&mut settings, line).unwrap();
@@ -229,6 +245,14 @@ fn any_line() -> impl Strategy<Value = String> {
         "as u32",
         "count 32",
         "bit 3",
+        "bits 4-7",
+        "as u64",
+        "as f64",
+        "as text 7",
+        "scale 0.1",
+        "scale -2.50",
+        "offset -40",
+        "write every 30s",
         "read high",
         "read manual",
         "read 10ms",

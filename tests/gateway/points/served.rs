@@ -273,7 +273,8 @@ fn values_are_typed_as_their_limits_allow() {
         (ValueType::F32, "1.5", Some([0x3f, 0xc0, 0, 0])),
         (ValueType::F32, "0x10", None),
     ] {
-        assert_eq!(kind.parse(text), registers, "{kind:?} {text}");
+        let parsed = kind.parse(text).map(|bytes| <[u8; 4]>::try_from(&bytes[..4]).unwrap());
+        assert_eq!(parsed, registers, "{kind:?} {text}");
         if let (Some(registers), false) = (registers, text.starts_with("0x")) {
             let taken = kind.take(&registers[..2 * usize::from(kind.registers())]);
             assert_eq!(taken.map(|value| value.to_string()).as_deref(), Some(text), "{kind:?}");

@@ -135,6 +135,9 @@ impl Stage<'_, '_, '_> {
             ["saw", count, "request" | "requests"] => {
                 return equal("requests seen", device.counters().all_requests(), number(count)?);
             }
+            ["tripped", count, "time" | "times"] => {
+                return equal("trips", device.trips(), number(count)?);
+            }
             ["was", "asked", requests @ ..] => {
                 let asked = device.take_requests();
                 if asked != if *requests == ["nothing"] { Vec::new() } else { pdus(requests)? } {

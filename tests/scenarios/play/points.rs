@@ -67,7 +67,8 @@ fn shown(point: &PointSettings, cells: &[u8]) -> String {
         true => (cells[nth / 8] >> (nth % 8) & 1).to_string(),
         false => {
             let at = 2 * usize::from(point.value.registers()) * nth;
-            point.value.take(&cells[at..]).map_or_else(|| "?".to_owned(), |value| value.to_string())
+            let raw = point.value.take(&cells[at..]);
+            raw.map_or_else(|| "?".to_owned(), |raw| point.scale.apply(raw).to_string())
         }
     };
     (0..usize::from(point.count)).map(value).collect::<Vec<_>>().join(" ")

@@ -53,6 +53,15 @@ struct State {
     free: Instant,
     /// When the hiccup ends that keeps it from answering.
     stalled_until: Instant,
+    watchdog: Option<Watchdog>,
+}
+
+/// What a device does that is not written for some time: its holding registers are 0, until it is written again.
+struct Watchdog {
+    after: Duration,
+    /// When it was written last; it does not watch before.
+    written: Option<Instant>,
+    trips: u64,
 }
 
 /// What a device has counted since the start.
@@ -100,6 +109,7 @@ impl Device {
             writes: Vec::new(),
             free: Instant::MIN,
             stalled_until: Instant::MIN,
+            watchdog: None,
         })))
     }
 
@@ -129,6 +139,20 @@ impl Device {
     pub fn with_fresh(self, address: u16) -> Self {
         self.0.borrow_mut().memory.set_fresh(address);
         self
+    }
+
+    /// The device with a watchdog: if it is not written for so long after a write, its holding registers become 0.
+    #[must_use]
+    pub fn with_watchdog(self, after: Duration) -> Self {
+        self.0.borrow_mut().watchdog = Some(Watchdog { after, written: None, trips: 0 });
+        self
+    }
+
+    /// How often its watchdog has tripped.
+    pub fn trips(&self) -> u64 {
+        let mut state = self.0.borrow_mut();
+        state.watch();
+        state.watchdog.as_ref().map_or(0, |watchdog| watchdog.trips)
     }
 
     /// The device without `address`: reads that touch it, in whichever table, are exception 02.
@@ -288,7 +312,17 @@ impl State {
         (Instant::now() + late).max(self.stalled_until) + self.turnaround
     }
 
+    /// Trips if it was not written for too long.
+    fn watch(&mut self) {
+        let Some(watchdog) = &mut self.watchdog else { return };
+        if watchdog.written.is_some_and(|written| written + watchdog.after < Instant::now()) {
+            (watchdog.written, watchdog.trips) = (None, watchdog.trips + 1);
+            self.memory.holding.fill(0);
+        }
+    }
+
     fn execute(&mut self, pdu: &[u8], broadcast: bool) -> Vec<u8> {
+        self.watch();
         let function = pdu[0];
         self.counters.requests[usize::from(function & 0x7f)] += 1;
         if let Some(response) = &self.script {
@@ -297,6 +331,7 @@ impl State {
         match self.memory.execute(pdu) {
             Ok(response) => {
                 if matches!(function, 5 | 6 | 15 | 16 | 22 | 23) {
+                    self.watchdog.iter_mut().for_each(|watchdog| watchdog.written = Some(Instant::now()));
                     self.writes.push(Executed { at: Instant::now(), broadcast, pdu: pdu.to_vec() });
                 }
                 response

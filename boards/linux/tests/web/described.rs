@@ -330,6 +330,9 @@ fn commands(caller: &mut Caller) {
     caller.call("explain", "POST", &explain.replace("P502", "nobody"), 422);
     caller.call("point", "POST", r#"{"point":"lamps","values":[1,0,1]}"#, 204);
     caller.call("point", "POST", r#"{"point":"nobody","values":[1]}"#, 422);
+    caller.call("point", "POST", r#"{"point":"lamps","text":"1"}"#, 204);
+    caller.call("point", "POST", r#"{"point":"lamps","values":[1],"text":"1"}"#, 422);
+    caller.call("point", "POST", r#"{"point":"lamps"}"#, 422);
     // There is nothing to write at an input register.
     caller.call("point", "POST", r#"{"point":"level","values":[1]}"#, 409);
     long_work(caller);

@@ -276,6 +276,27 @@ fn live_values_come_until_the_session_ends() {
 }
 
 #[test]
+fn text_and_numbers_of_many_digits_are_strings_and_are_written_as_they_are_typed() {
+    let points = "port poll scanner
+point name local holding 0 as text 4
+point total local holding 10 count 2 as u64
+point heat local holding 20 as i16 scale 0.1 offset -40
+";
+    let web = with(&format!("{P502}{points}"));
+    let token = web.token("anna");
+    let post = |body: &str| web.request("POST", "/api/v1/point").bearer(&token).json(body).gets(204);
+    post(r#"{"point":"name","text":"Pump 7\\x1b"}"#);
+    post(r#"{"point":"total","values":[7]}"#);
+    post(r#"{"point":"total","at":1,"text":"18446744073709551615"}"#);
+    post(r#"{"point":"heat","values":[21.5]}"#);
+    let (_, events, _) = web.request("GET", "/api/v1/events").bearer(&token).events(1);
+    let values = |nth: usize| events[0]["points"][nth]["values"].clone();
+    assert_eq!(values(0), json!(["Pump 7\\x1b"]));
+    assert_eq!(values(1), json!([7, "18446744073709551615"]));
+    assert_eq!(values(2), json!([21.5]));
+}
+
+#[test]
 fn other_hosts_and_origins_are_refused() {
     let web = with(P502);
     let token = web.token("anna");

@@ -17,8 +17,12 @@ pub enum DataType {
     I16,
     /// 32 bits, signed.
     I32,
+    /// 64 bits, signed.
+    I64,
     /// 32-bit floating point (IEEE 754).
     F32,
+    /// 64-bit floating point (IEEE 754).
+    F64,
     /// A visible string of that many bytes.
     Text(u16),
     /// That many bytes.
@@ -35,6 +39,8 @@ impl DataType {
             Self::I16 => 0x0003,
             Self::I32 => 0x0004,
             Self::F32 => 0x0008,
+            Self::F64 => 0x0011,
+            Self::I64 => 0x0015,
             Self::U8 => 0x0005,
             Self::U16 => 0x0006,
             Self::U32 => 0x0007,
@@ -50,7 +56,7 @@ impl DataType {
             Self::Bool | Self::U8 => 1,
             Self::U16 | Self::I16 => 2,
             Self::U32 | Self::I32 | Self::F32 => 4,
-            Self::U64 => 8,
+            Self::U64 | Self::I64 | Self::F64 => 8,
             Self::Text(bytes) | Self::Octets(bytes) | Self::OctetsUpTo(bytes) => bytes as usize,
         }
     }

@@ -1,0 +1,32 @@
+//! Stands in for scales in images without `long-values`: values are raw numbers.
+
+use core::fmt;
+
+use super::long::VALUE_LONGEST;
+use super::typed::{TypedValue, ValueType};
+
+/// Values are raw numbers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Scale;
+
+/// Why a text is no value of a point.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Unfit {
+    /// It is none of its type.
+    NoValue,
+}
+
+#[allow(missing_docs)] // As what it stands in for.
+impl Scale {
+    pub(crate) fn write(self, _: &mut fmt::Formatter<'_>) -> fmt::Result {
+        Ok(())
+    }
+
+    pub fn apply(self, raw: TypedValue<'_>) -> TypedValue<'_> {
+        raw
+    }
+
+    pub fn parse(self, value: ValueType, _: u16, text: &str) -> Result<[u8; VALUE_LONGEST], Unfit> {
+        value.parse(text).ok_or(Unfit::NoValue)
+    }
+}

@@ -132,6 +132,12 @@ impl Capture {
         self.ring.lock(|ring| ring.borrow().end())
     }
 
+    /// The number of the oldest frame.
+    #[cfg(feature = "files")] // As what uses it.
+    fn first(&self) -> u32 {
+        self.ring.lock(|ring| ring.borrow().first)
+    }
+
     /// Returns the frame with number `cursor`, or the oldest one after it, and advances the cursor.
     pub fn next(&self, cursor: &mut u32) -> Option<Captured> {
         self.ring.lock(|ring| ring.borrow().get(cursor))

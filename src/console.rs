@@ -33,6 +33,9 @@ pub(crate) mod diff;
 #[cfg(feature = "web")]
 mod details;
 mod editor;
+// Images without named files have no owner for them.
+#[cfg(feature = "files")]
+mod files;
 // Part of the web interface; boards without that have no room for it.
 #[cfg(feature = "web")]
 mod explain;
@@ -79,6 +82,9 @@ use core::pin::pin;
 use embassy_futures::select::{Either, select};
 use embedded_io_async::{Read, Write};
 
+// As its file.
+#[cfg(feature = "files")]
+pub use self::files::serve_files;
 pub use self::guard::Foreign;
 pub use self::mode::{Ended, Mode};
 use self::shell::Shell;

@@ -12,7 +12,7 @@ mod config_error;
 mod configuration;
 mod controller;
 mod diagnosis;
-mod firmware;
+mod files;
 mod image;
 mod keeping;
 mod layout;
@@ -41,8 +41,10 @@ pub use configuration::Configuration;
 #[cfg(feature = "long-images")] // Requires the memory of that feature.
 pub use controller::{LongSubDevice, long_device, serve_long};
 pub use controller::{device, serve, updatable_device};
-pub(crate) use firmware::Work;
-pub use firmware::{FirmwareBuffer, GatewayFiles};
+#[cfg(feature = "files")] // As what serves them.
+pub(crate) use files::File;
+pub use files::{FileBuffer, GatewayFiles};
+pub(crate) use files::{Owner, Packet, Work};
 #[doc(hidden)] // Public for tests/ only.
 pub use keeping::Keep;
 #[doc(hidden)] // Public for tests/ only.

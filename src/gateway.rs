@@ -319,7 +319,7 @@ impl<'g> Gateway<'g> {
 
     /// Changes the settings in force. A caller that changes more than what is looked up per request must notify the ports.
     pub(crate) fn change_settings<R>(&self, f: impl FnOnce(&mut Settings) -> R) -> R {
-        if self.candidate().is_some() {
+        if self.candidate().is_some() || cfg!(feature = "files") {
             self.changes.store(self.changes().wrapping_add(1), Relaxed);
         }
         self.settings.lock(|settings| f(&mut settings.borrow_mut()))

@@ -41,6 +41,7 @@
 //! MainDevice's configuration is printed and saved with the others, also on its request ([`gateway::Gateway::keep_settings`]). A
 //! board with a controller keeps a [`fieldbus::EthercatState`] in a static, passes it to [`gateway::Gateway::with_ethercat`], and
 //! runs [`fieldbus::serve`], a [`SubDevice`](ethercat_subdevice::sub_device::SubDevice) with [`fieldbus::GatewayObjects`], over it.
+//! A MainDevice's files pass through a [`fieldbus::FileBuffer`], to the owner of the flash or to [`console::serve_files`].
 //! With [`gateway::Gateway::with_ethercat_interfaces`] the settings name the network interface of an emulated controller.
 //!
 //! # Limits

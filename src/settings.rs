@@ -33,8 +33,8 @@ mod whole;
 
 pub(crate) use self::address::{Address, Endpoint, IPV6, canonical};
 pub use self::address::{Allowed, IpPrefix, Prefixes};
-pub(crate) use self::ethercat::INTERFACE_BYTES_MAX;
 pub use self::ethercat::{EthercatSettings, InterfaceName, OnLoss};
+pub(crate) use self::ethercat::{FileRights, INTERFACE_BYTES_MAX};
 pub(crate) use self::field::{Count, Field};
 pub use self::functions::Functions;
 // As its port.

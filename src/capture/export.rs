@@ -39,6 +39,16 @@ impl<'c> Export<'c> {
         out.write_all(&pcapng::statistics(Instant::now(), epoch_us, self.dropped)).await
     }
 
+    /// Writes the frames that are in the ring now, and ends behind them.
+    #[cfg(feature = "files")] // As what uses it.
+    pub(crate) async fn write_kept<W: Write>(&mut self, out: &mut W) -> Result<(), W::Error> {
+        let end = self.capture.end();
+        self.following.cursor = self.capture.first();
+        // Frames that were overwritten meanwhile are skipped, also beyond that end.
+        while (end.wrapping_sub(self.following.cursor) as i32) > 0 && self.write_next(out).await? {}
+        Ok(())
+    }
+
     /// Writes the next frame, if there is one; returns whether there was.
     pub async fn write_next<W: Write>(&mut self, out: &mut W) -> Result<bool, W::Error> {
         let Some(mut frame) = self.following.next() else { return Ok(false) };

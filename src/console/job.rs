@@ -47,7 +47,7 @@ impl Job<'_> {
                 }
                 None => Wait::End,
             },
-            Self::Show(table) => table.step(session),
+            Self::Show(table) => table.row(session.gateway, session.system, &mut session.out),
             Self::Frames(frames) => frames.step(session, event),
             Self::Ask(question) => question.step(session, event),
             Self::Scan(scan) => scan.step(session, event),

@@ -14,7 +14,7 @@ use super::details;
 use super::diff;
 use super::layout::{self, Columns, Layout};
 use super::log_in::Denied;
-use super::output::{NO_ROW, Nowhere, Written};
+use super::output::{NO_ROW, Nowhere, Output, Written};
 use super::points;
 use super::registers;
 use super::rows::{LineErrors, LogRow, Row, StatusText, age, cell, describe_unit, text, took};
@@ -24,6 +24,7 @@ use super::users;
 use super::version;
 use super::wait::Wait;
 use crate::fieldbus::{Controller, EthercatState, LineWriter};
+use crate::gateway::Gateway;
 use crate::gateway::unit_health::{UNITS_MAX, Unit};
 use crate::hal::{NetworkState, System};
 use crate::language::listed::listed;
@@ -152,10 +153,8 @@ impl Table {
         Self { what, place: 0, now: Instant::now(), layout: None }
     }
 
-    /// Shows the next row.
-    pub(super) fn step(&mut self, session: &mut Session<'_, '_>) -> Wait {
-        let Session { gateway, system, out, .. } = session;
-        let (gateway, system) = (*gateway, *system);
+    /// Writes the next row to `out`.
+    pub(super) fn row(&mut self, gateway: &Gateway<'_>, system: &dyn System, out: &mut Output) -> Wait {
         let Self { what, now, .. } = *self;
         let mut write = |place, out: &mut dyn fmt::Write| {
             gateway.settings(|settings| write(&Source { gateway, settings, now }, system, what, place, out))

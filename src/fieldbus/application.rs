@@ -17,7 +17,7 @@ use ethercat_subdevice::object::Object;
 use ethercat_subdevice::sync_manager::Channel;
 
 use super::config_error::ConfigError;
-use super::firmware::GatewayFiles;
+use super::files::GatewayFiles;
 use super::keeping::{Keep, Kept};
 use super::line::LineWriter;
 use super::points::PointObjects;
@@ -69,7 +69,7 @@ impl<'p> GatewayObjects<'p> {
         objects
     }
 
-    /// Adds the files of `files`: those of new firmware.
+    /// Adds the files of `files`.
     #[must_use]
     pub fn with_files<F: GatewayFiles>(self, files: F) -> GatewayObjects<'p, F> {
         let Self { shared, refused, outputs_valid, input_counter, points, slots, .. } = self;

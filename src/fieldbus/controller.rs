@@ -10,7 +10,7 @@ use ethercat_subdevice::sub_device::{RESTART_PAUSE, SubDevice};
 
 use super::application::GatewayObjects;
 use super::chip::Controller;
-use super::firmware::GatewayFiles;
+use super::files::GatewayFiles;
 use super::modular::MODULAR;
 use super::objects::DEVICE;
 
@@ -60,7 +60,7 @@ pub type LongSubDevice<E, A> = SubDevice<
 >;
 
 /// The gateway's EtherCAT task: serves the controller behind `esc` forever, whenever it is present. `points` are the gateway's data
-/// points, if any; `files` are a [`FirmwareBuffer`](super::FirmwareBuffer), or [`NoFiles`](ethercat_subdevice::foe::NoFiles);
+/// points, if any; `files` are a [`FileBuffer`](super::FileBuffer), or [`NoFiles`](ethercat_subdevice::foe::NoFiles);
 /// `attention` as for [`SubDevice::run`], and `sync` where the board has the controller's SYNC pins.
 pub async fn serve<F: GatewayFiles>(
     shared: &EthercatState,
@@ -76,16 +76,18 @@ pub async fn serve<F: GatewayFiles>(
     run(shared, &mut sub_device, device, attention).await
 }
 
-/// The same for a controller with memory for longer images, and a `shared` for them ([`EthercatState::long`]).
+/// The same for a controller with memory for longer images, and a `shared` for them ([`EthercatState::long`]). It has no Boot, so
+/// that `files` are the named ones.
 #[cfg(feature = "long-images")] // As `EthercatState::long`.
 pub async fn serve_long(
     shared: &EthercatState,
     points: Option<&ScannerState>,
+    files: impl GatewayFiles,
     esc: impl Esc,
     sync: Option<&'static SyncSignals>,
     attention: impl AsyncFnMut(),
 ) -> ! {
-    let objects = GatewayObjects::new(shared).with_points(points);
+    let objects = GatewayObjects::new(shared).with_points(points).with_files(files);
     let mut sub_device = LongSubDevice::with_buffers(long_device(false), esc, objects).with_sync(sync);
     run(shared, &mut sub_device, long_device, attention).await
 }

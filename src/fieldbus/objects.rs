@@ -59,6 +59,7 @@ pub const DEVICE: Device = Device {
 /// The gateway for a controller with memory for longer images: the same objects, and PDOs for more bytes.
 pub const LONG_DEVICE: Device = Device {
     identity: LONG_IDENTITY,
+    files: FileAccess::WithoutBoot,
     name: "mobgate EtherCAT to Modbus gateway, long images",
     order: "mobgate-long",
     // The longest images take 9426 bytes; a controller with less memory gets shorter ones.

@@ -8,6 +8,8 @@ use embassy_sync::mutex::MutexGuard;
 use heapless::String;
 use thiserror::Error;
 
+#[cfg(feature = "files")]
+use super::audit::Actor;
 use super::saved::{self, ReadError};
 use crate::gateway::cut_off::CutOff;
 use crate::gateway::{ApplyError, Candidate, Gateway};
@@ -65,6 +67,22 @@ pub struct Refused {
 }
 
 impl Refused {
+    /// After each line of a text, which comes once: what the board lacks for `settings`, those so far, if it lacks anything, and
+    /// the first line from which on it did.
+    #[cfg(feature = "files")] // As what uses it; also below.
+    pub(crate) fn follow(
+        lacks: &mut Option<Self>,
+        gateway: &Gateway<'_>,
+        (number, line): (u32, &str),
+        settings: &Settings,
+    ) {
+        match gateway.check(settings) {
+            Ok(()) => *lacks = None,
+            Err(error) if lacks.as_ref().is_some_and(|lacks| lacks.error == error) => {}
+            Err(error) => *lacks = Some(Self::new(number, line, settings, error)),
+        }
+    }
+
     fn new(number: u32, line: &str, settings: &Settings, error: ApplyError) -> Self {
         let (column, word) = language::find_word(line, error.word(settings));
         Self { line: number, column, word, error }
@@ -217,6 +235,35 @@ pub fn take_over(
     store.taken_over();
     gateway.set_unsaved(false);
     gateway.candidate().into_iter().for_each(Candidate::settle);
+    Ok(())
+}
+
+/// Saves `settings`, and puts them in force, for `actor`; neither if either fails.
+#[cfg(feature = "files")]
+pub(crate) async fn commit(
+    gateway: &Gateway<'_>,
+    store: &mut impl Store,
+    settings: &mut Settings,
+    actor: Actor<'_>,
+) -> Result<(), Unchanged> {
+    if gateway.candidate().is_some_and(Candidate::is_waiting) {
+        return Err(StoreError::Refused(UNCONFIRMED).into());
+    }
+    gateway.check(settings)?;
+    store.sign(&actor);
+    store.overwrite(false);
+    // First, as there is no memory for settings to go back to.
+    saved::write_store(settings, store).await?;
+    let applied = gateway.check(settings).and_then(|()| {
+        gateway.audit_difference(actor, settings);
+        gateway.put_in_force(settings)
+    });
+    if let Err(error) = applied {
+        gateway.settings(|in_force| settings.clone_from(in_force));
+        saved::write_store(settings, store).await?;
+        return Err(error.into());
+    }
+    gateway.set_unsaved(false);
     Ok(())
 }
 

@@ -5,7 +5,7 @@ use ethercat_subdevice::foe::{FileError, FileErrorCode};
 
 use super::Gateway;
 use super::audit::{Actor, Topic};
-use crate::fieldbus::{FirmwareBuffer, Work};
+use crate::fieldbus::{FileBuffer, Owner, Packet, Work};
 use crate::hal::{System, Update, UpdateError};
 
 /// How long the MainDevice may take to see that the SubDevice has left Boot, before it vanishes for a restart.
@@ -16,20 +16,21 @@ impl Gateway<'_> {
     /// behind a whole image. A board with an EtherCAT controller runs it once. An older image is refused.
     pub async fn take_firmware(
         &self,
-        buffer: &FirmwareBuffer,
+        buffer: &FileBuffer,
         update: &mut impl Update,
         system: &impl System,
     ) -> ! {
         loop {
-            let work = buffer.work().await;
+            let work = buffer.work(Owner::Flash).await;
             let done = match &work {
-                Work::Begin => update.begin(None, false).await,
+                Work::Open(..) => update.begin(None, false).await,
                 Work::Write(packet) => update.write(packet).await,
                 Work::Finish => update.finish().await.map(|version| {
                     let what = format_args!("firmware {version} is complete and starts when Boot is left");
                     self.audit(Topic::Update, Actor::Ethercat, what);
                 }),
-                Work::Discard => {
+                // Nobody reads an image.
+                Work::Discard | Work::Read(_) => {
                     update.discard();
                     Ok(())
                 }
@@ -43,6 +44,7 @@ impl Gateway<'_> {
                 self.audit(Topic::Update, Actor::Ethercat, format_args!("no new firmware: {why}"));
                 update.discard();
             }
+            let done = done.map(|()| Packet::new());
             buffer.done(&work, done.map_err(|why| FileError::new(code(why), why)));
         }
     }

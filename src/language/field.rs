@@ -8,6 +8,8 @@ use heapless::Vec;
 // As what uses it.
 #[cfg(feature = "tls")]
 use super::certificates::certificate_name;
+#[cfg(feature = "files")]
+use super::ethercat::FILES;
 use super::ethercat::ON_LOSS;
 use super::option::list;
 use super::port_values::{device, format, interface, meaning, prefixes, reserved_for, server_address};
@@ -70,6 +72,8 @@ impl Field<'_> {
             #[cfg(feature = "tls")]
             Self::Certificate(target) => *target = Some(certificate_name(word)?),
             Self::OnLoss(target) => *target = word.keyword(ON_LOSS, "hold, clear or stop")?,
+            #[cfg(feature = "files")]
+            Self::Files(target) => *target = word.keyword(FILES, "off, read or write")?,
             Self::Proofs(target) => *target = Proofs::read(word, words)?,
             _ => {}
         }
@@ -122,6 +126,8 @@ impl Field<'_> {
             #[cfg(feature = "tls")]
             Self::Certificate(Some(name)) => name,
             Self::OnLoss(on_loss) => on_loss,
+            #[cfg(feature = "files")]
+            Self::Files(rights) => rights,
             Self::Proofs(proofs) => proofs,
             Self::Full(refuses) => {
                 let [(displace, _), (refuse, _)] = FULL;

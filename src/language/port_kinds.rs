@@ -3,6 +3,7 @@
 
 use core::fmt::{self, Display};
 
+use super::ethercat::ETHERCAT;
 use super::listed::{joined, listed};
 use super::port_keys::{Keys, Keywords};
 use super::port_values::{device, server_address};
@@ -159,6 +160,9 @@ pub(super) const HELP_OPTIONS: &str = joined!(&[
               line PORT, on-loss hold|clear|stop, id N|alias,
               modules|no-modules, emergencies|no-emergencies,
               prove-outputs|no-prove-outputs
+",
+    #[cfg(feature = "files")]
+    "              files off|read|write (settings, log, capture by FoE)
 ",
 ]);
 
@@ -382,19 +386,3 @@ const HTTP: Keywords = (
 );
 
 const NONE: Keywords = (&[], "");
-const ETHERCAT: Keywords = if POINTS { WITH_CONTROLLER } else { NONE };
-const WITH_CONTROLLER: Keywords = (
-    &[
-        ("interface", Key::Interface),
-        ("line", Key::Line),
-        ("on-loss", Key::OnLoss),
-        ("id", Key::Id),
-        ("modules", Key::Modules(true)),
-        ("no-modules", Key::Modules(false)),
-        ("emergencies", Key::Emergencies(true)),
-        ("no-emergencies", Key::Emergencies(false)),
-        ("prove-outputs", Key::ProveOutputs(true)),
-        ("no-prove-outputs", Key::ProveOutputs(false)),
-    ],
-    "interface, line, on-loss, id, modules, emergencies or prove-outputs",
-);

@@ -27,6 +27,8 @@ pub struct EthercatSettings {
     pub emergencies: bool,
     /// The SubDevice is a modular one (ETG.5001): each slave is a module in a slot, with typed values.
     pub modules: bool,
+    /// What a MainDevice may do with the named files. Images without them have no word for it.
+    pub(crate) files: FileRights,
     /// No value where there is no EtherCAT: the compiler leaves out what is done with these settings.
     pub(crate) exists: Exists,
 }
@@ -52,6 +54,7 @@ impl EthercatSettings {
             id: None,
             emergencies: false,
             modules: false,
+            files: FileRights::Off,
             exists,
         })
     }
@@ -67,4 +70,17 @@ pub enum OnLoss {
     Hold,
     /// All become 0.
     Clear,
+}
+
+/// What a MainDevice may do with the gateway's files: settings, log and capture.
+// As the word.
+#[cfg_attr(not(feature = "files"), allow(dead_code))]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum FileRights {
+    /// Nothing.
+    Off,
+    /// Read them.
+    Read,
+    /// Also write the settings.
+    Write,
 }

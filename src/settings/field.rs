@@ -5,6 +5,9 @@ use core::ops::RangeInclusive;
 use embassy_time::Duration;
 use heapless::String;
 
+// As what uses it.
+#[cfg(feature = "files")]
+use crate::settings::FileRights;
 use crate::settings::{
     Allowed, DEVICE_BYTES_MAX, Driver, Framing, InterfaceName, LineSettings, Name, OnLoss, Prefixes, Proofs,
     ServerAddress, Side, Special, StreamFraming, TcpListen,
@@ -52,5 +55,8 @@ pub(crate) enum Field<'s> {
     #[cfg(feature = "tls")]
     Certificate(&'s mut Option<Name>),
     OnLoss(&'s mut OnLoss),
+    // Left out of images without files.
+    #[cfg(feature = "files")]
+    Files(&'s mut FileRights),
     Proofs(&'s mut Proofs),
 }

@@ -219,6 +219,9 @@ pub(crate) enum Key {
     Id,
     Emergencies(bool),
     Modules(bool),
+    // Left out of images without files.
+    #[cfg(feature = "files")]
+    Files,
     // Left out of images without TLS; also below.
     #[cfg(feature = "tls")]
     Tls(bool),
@@ -369,6 +372,8 @@ impl EthercatSettings {
             Key::Emergencies(sent) => Field::Flag(&mut self.emergencies, sent),
             Key::Modules(modules) => Field::Flag(&mut self.modules, modules),
             Key::Id => Field::Id(&mut self.id, &ID),
+            #[cfg(feature = "files")]
+            Key::Files => Field::Files(&mut self.files),
             _ => return None,
         })
     }

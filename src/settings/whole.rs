@@ -3,6 +3,8 @@
 use heapless::Vec;
 
 use crate::scanner::DEVICES_MAX;
+#[cfg(feature = "files")] // As what uses it.
+use crate::settings::USERS;
 use crate::settings::{
     Certificate, Certificates, Destination, DeviceSettings, Mdns, NtpServers, OwnNetwork, POINTS_MAX,
     PORTS_MAX, PointSettings, Port, PortId, PortKind, ROUTES_MAX, Route, SERVERS_MAX, SLAVES_MAX,
@@ -142,6 +144,14 @@ impl Settings {
     /// The user called `name`, mutable.
     pub(crate) fn user_mut(&mut self, name: &str) -> Option<&mut User> {
         self.users.iter_mut().find(|user| user.name == name)
+    }
+
+    /// Gives users without a password the one that they have in `before`.
+    #[cfg(feature = "files")] // As what asks for it.
+    pub(crate) fn keep_passwords(&mut self, before: &Self) {
+        for user in self.users.iter_mut().filter(|user| USERS && user.password.is_none()) {
+            user.password = before.user(&user.name).and_then(|user| user.password.clone());
+        }
     }
 
     /// Whether there is a user with a password.

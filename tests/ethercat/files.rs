@@ -104,6 +104,24 @@ fn statement_51_a_wrong_packet_number_ends_the_transfer() {
     }
 }
 
+/// Nothing of the protocol acknowledges it twice: a message that was lost is repeated by the mailbox.
+#[test]
+fn statement_51_a_packet_that_comes_again_behind_its_acknowledgement_ends_the_transfer() {
+    let mut rig = writing();
+    assert_eq!(code(ask(&mut rig, DATA, 1, &content(PACKET))), 0x8005);
+    assert!(is_aborted(&mut rig));
+}
+
+/// Some MainDevices do not acknowledge the last packet.
+#[test]
+fn statement_51_a_request_behind_the_last_packet_is_served() {
+    let mut rig = rig(PRE_OP);
+    rig.application().files.stored.insert("x".to_owned(), content(3));
+    for _ in 0..2 {
+        assert_eq!(ask(&mut rig, READ, 0, b"x"), Some((DATA, 1, content(3))));
+    }
+}
+
 #[test]
 fn statement_51_what_is_not_expected_is_refused() {
     for (operation, number) in [(DATA, 1), (ACK, 0), (BUSY, 0), (0, 0), (7, 0), (0xff, 0)] {
@@ -134,11 +152,19 @@ fn statement_51_what_is_not_expected_is_refused() {
 }
 
 #[test]
-fn statement_51_a_transfer_ends_with_an_error_a_new_request_or_the_state() {
+fn statement_51_a_transfer_ends_with_an_error_a_second_request_or_the_state() {
     let error = |rig: &mut Rig<Bench>| {
         assert_eq!(ask(rig, ERR, 0x8000, b"given up"), None, "nobody waits for a response");
     };
-    let request = |rig: &mut Rig<Bench>| assert_eq!(code(ask(rig, READ, 0, b"missing")), 0x8001);
+    let request = |rig: &mut Rig<Bench>| {
+        let (_, code_of_second, text) = ask(rig, READ, 0, b"missing").unwrap();
+        let text = String::from_utf8(text).unwrap();
+        assert_eq!(
+            (code_of_second, &*text),
+            (0x8004, "another transfer was open, and has ended now: ask again")
+        );
+        assert_eq!(code(ask(rig, READ, 0, b"missing")), 0x8001, "the next one is served");
+    };
     let safe_op = |rig: &mut Rig<Bench>| {
         rig.set_up_process_data();
         assert_eq!(rig.request(SAFE_OP), (SAFE_OP, 0));
@@ -305,11 +331,12 @@ fn random_file_messages_never_stop_the_device() {
                 assert!(known, "seed {seed}: {message:02x?}");
             }
         }
-        // A MainDevice that means it.
+        // A MainDevice that means it, and ends what it has begun before.
         rig.application().files.delay = Duration::from_ticks(0);
         while rig.receive().is_some() {
             rig.pass(200);
         }
+        assert_eq!(ask(&mut rig, ERR, 0x8000, &[]), None);
         let name = str::from_utf8(name).unwrap();
         assert_eq!(write(&mut rig, name, PASSWORD, &content(500), PACKET), None, "seed {seed}");
         assert_eq!(rig.application().files.stored[name], content(500), "seed {seed}");

@@ -7,6 +7,7 @@ mod controller;
 mod diagnosis;
 mod drive;
 mod exchange;
+mod files;
 mod firmware;
 mod image_table;
 mod keeping;

@@ -82,8 +82,15 @@ async fn serve(
         let mut kept = SharedStore::new(&flash);
         let mut taken = updater();
         let keep = pin!(gateway().keep_settings(&mut kept));
-        let take = pin!(gateway().take_firmware(&crate::states::FIRMWARE, &mut taken, board));
+        let take = pin!(gateway().take_firmware(&crate::states::FILES, &mut taken, board));
         embassy_futures::join::join3(keep, take, sessions).await.2
+    };
+    // As its feature.
+    #[cfg(feature = "files")]
+    let sessions = async {
+        let mut store = SharedStore::new(&flash);
+        let files = pin!(console::serve_files(gateway(), &crate::states::FILES, &mut store, board));
+        embassy_futures::join::join(files, sessions).await.1
     };
     // As its feature.
     #[cfg(feature = "ssh")]

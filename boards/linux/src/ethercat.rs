@@ -18,7 +18,7 @@ use ethercat_esc::interface::{Interface, InterfaceError};
 use ethercat_esc::{Chip, DirectPdi, Interrupt, Kind, SharedChip, SyncLine, SyncPin, now};
 use ethercat_subdevice::clocks::SyncSignals;
 use ethercat_subdevice::esc::{Esc, EscError};
-use mobgate::fieldbus::{EthercatState, long_device, serve_long};
+use mobgate::fieldbus::{EthercatState, FileBuffer, long_device, serve_long};
 use mobgate::gateway::Gateway;
 use mobgate::settings::{InterfaceName, PortId, PortKind};
 use mobgate::stats::Event;
@@ -27,8 +27,8 @@ use rustix::io::Errno;
 use crate::descriptor::Descriptor;
 use crate::hint;
 
-/// Runs the SubDevice while the settings of `gateway` name a network interface for it; never returns.
-pub async fn run(gateway: &Gateway<'_>, place: &EthercatState) -> ! {
+/// Runs the SubDevice while the settings of `gateway` name a network interface for it, with its files in `files`; never returns.
+pub async fn run(gateway: &Gateway<'_>, place: &EthercatState, files: &FileBuffer) -> ! {
     let link = Link {
         gateway,
         chip: Rc::new(controller_of(false).into()),
@@ -47,7 +47,7 @@ pub async fn run(gateway: &Gateway<'_>, place: &EthercatState) -> ! {
     let signals: &SyncSignals = Box::leak(Box::new(SyncSignals::new()));
     let sync0 = note(SyncPin::new(link.chip.clone(), SyncLine::Sync0), || signals.sync0());
     let sync1 = note(SyncPin::new(link.chip.clone(), SyncLine::Sync1), || signals.sync1());
-    let device = serve_long(place, gateway.scanner(), controller, Some(signals), attention);
+    let device = serve_long(place, gateway.scanner(), files, controller, Some(signals), attention);
     let (never, ..) = join4(device, link.carry(), sync0, sync1).await;
     never
 }

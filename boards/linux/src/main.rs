@@ -12,7 +12,8 @@ use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
 use embassy_time::{Duration, Instant, Timer};
 use mobgate::capture::Capture;
-use mobgate::fieldbus::EthercatState;
+use mobgate::console::serve_files;
+use mobgate::fieldbus::{EthercatState, FileBuffer};
 use mobgate::frame::{FramePool, Slot};
 use mobgate::gateway::audit::{Actor, AuditMemory, Topic};
 use mobgate::gateway::reconfigure;
@@ -60,6 +61,8 @@ static AUDIT: AuditMemory = AuditMemory::new();
 static CAPTURE: Capture = Capture::new();
 /// The gateway as an EtherCAT SubDevice.
 static ETHERCAT: EthercatState = EthercatState::long();
+/// Its files.
+static FILES: FileBuffer = FileBuffer::new();
 static GATEWAY: Gateway<'static> = Gateway::new(&POOL, &PORT_STATES, &CONNECTION_STATES)
     .with_candidate(&CANDIDATE)
     .with_audit(&AUDIT)
@@ -112,13 +115,14 @@ async fn web_connection(nth: usize, mut sockets: TcpSockets, mut store: FileStor
 
 #[embassy_executor::task]
 async fn ethercat_controller() {
-    ethercat::run(&GATEWAY, &ETHERCAT).await
+    ethercat::run(&GATEWAY, &ETHERCAT, &FILES).await
 }
 
-/// Saves on a MainDevice's request.
+/// Saves on a MainDevice's request, and serves its files.
 #[embassy_executor::task]
 async fn keep_settings(mut store: FileStore) {
-    GATEWAY.keep_settings(&mut store).await
+    let mut files = store.clone();
+    join(GATEWAY.keep_settings(&mut store), serve_files(&GATEWAY, &FILES, &mut files, &Process)).await;
 }
 
 #[embassy_executor::task]

@@ -30,6 +30,10 @@ slave 0 unit 1 input 0 count 10 read 100ms
 slave 1 unit 2 coil 0 count 8 read 100ms
 ";
 
+/// The hash of a password.
+const HASH: &str =
+    "$argon2id$v=19$m=8,t=1,p=1$MDEyMzQ1Njc4OWFiY2RlZg$MbnuQj2xrGASZb+GaVRPOkBaCDUjNErQQKePN3mCUfA";
+
 /// A SubDevice at the cable, without devices.
 const ALONE: &str = "port P502 tcp server 127.0.0.1:{port}\nport ecat ethercat interface ecs0\n";
 
@@ -112,6 +116,28 @@ fn pysoem_reads_and_writes_devices_by_process_data_and_saves() {
         let ports = console(&program, "show ports");
         assert!(ports.contains("ecat            ethercat     ecs0"), "{ports}");
         assert!(console(&program, "show version").contains("EtherCAT controller present"));
+    });
+}
+
+#[test]
+fn pysoem_reads_the_settings_changes_a_rule_and_writes_them_back() {
+    in_own_network("pysoem_reads_the_settings_changes_a_rule_and_writes_them_back", || {
+        let user = format!("user anna role engineer password \"{HASH}\"\n");
+        let settings = METER_AND_RELAYS.replace("ecs0\n", "ecs0 files write\n");
+        let settings = user + &settings.replace("route ecat * ", "# by hand\nroute ecat 1-247 ");
+        let program = Program::with(&settings, &DEMO);
+        let document = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/ethercat.md");
+        let script = start_master("settings.py", &[document.to_owned()]).wait().unwrap();
+        assert!(script.success(), "the MainDevice's script: {script}\n{}", program.log());
+        let kept = fs::read_to_string(program.config()).unwrap();
+        assert!(kept.contains("# by hand\nroute ecat 2-100"), "{kept}");
+        assert!(kept.contains(HASH), "{kept}");
+        let audit = console(&program, "show audit");
+        for what in ["+ route ecat 2-100", "mobgate.conf is in force and saved", "mobgate.conf is refused"] {
+            let line = audit.lines().find(|line| line.contains(what)).expect(&audit);
+            assert!(line.contains(" EtherCAT "), "{line}");
+        }
+        assert!(console(&program, "versions").contains("EtherCAT"));
     });
 }
 

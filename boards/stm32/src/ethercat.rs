@@ -21,7 +21,7 @@ use ethercat_subdevice::clocks::SyncSignals;
 use ethercat_subdevice::lan9252::{Lan9252, Wiring};
 use mobgate::fieldbus::serve;
 use mobgate_firmware::gateway::{LIVENESS, Task};
-use mobgate_firmware::states::{ETHERCAT, FIRMWARE, SCANNER};
+use mobgate_firmware::states::{ETHERCAT, FILES, SCANNER};
 
 use crate::spi::Bus;
 
@@ -120,5 +120,5 @@ async fn serve_controller(
     let wiring = Wiring { spi_hz: SPI_CLOCK_HZ_MIN, select_ns: SELECT_NS, ..Wiring::default() };
     let controller = Lan9252::new(SpiDevice::new(&bus, select), wiring);
     let attention = async || interrupt.wait_for_high().await;
-    serve(&ETHERCAT, Some(&SCANNER), &FIRMWARE, controller, Some(&SYNC), attention).await
+    serve(&ETHERCAT, Some(&SCANNER), &FILES, controller, Some(&SYNC), attention).await
 }

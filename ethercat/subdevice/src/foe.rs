@@ -25,6 +25,9 @@ pub const ABANDONED_AFTER: Duration = Duration::from_secs(10);
 /// The number of a busy message: how many parts are done (low word), of how many (high word). How long flash memory takes is not known.
 const NOTHING_OF_ONE: u32 = 1 << 16;
 
+/// The text for a request while another transfer is open.
+const SECOND: &str = "another transfer was open, and has ended now: ask again";
+
 /// In which states a MainDevice reads and writes files; the application has a say in each file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FileAccess {
@@ -140,8 +143,10 @@ impl Foe {
         let taken = match Operation::from_byte(operation) {
             Some(Operation::ReadRequest) => self.open(Transfer::Read, number, rest, files, state),
             Some(Operation::WriteRequest) => self.open(Transfer::Write, number, rest, files, state),
-            Some(Operation::Data) => self.take(number, rest, files, room - HEADER_BYTES),
-            Some(Operation::Ack) => self.acknowledged(number, files),
+            Some(Operation::Data) => {
+                self.take(number, rest, files, room - HEADER_BYTES).map_err(FileError::from)
+            }
+            Some(Operation::Ack) => self.acknowledged(number, files).map_err(FileError::from),
             // Here it is the MainDevice that wants its packet later.
             Some(Operation::Busy) if matches!(self.turn, Turn::Sent { .. }) => {
                 self.since = now;
@@ -151,12 +156,12 @@ impl Foe {
                 self.end(files);
                 Ok(())
             }
-            Some(Operation::Busy) | None => Err(FileErrorCode::Illegal),
+            Some(Operation::Busy) | None => Err(FileErrorCode::Illegal.into()),
         };
         self.since = now;
-        Ok(taken.err().map(|code| {
+        Ok(taken.err().map(|error| {
             self.end(files);
-            refusal(&code.into(), room)
+            refusal(&error, room)
         }))
     }
 
@@ -167,7 +172,11 @@ impl Foe {
         name: &[u8],
         files: &mut impl Files,
         state: AlState,
-    ) -> Result<(), FileErrorCode> {
+    ) -> Result<(), FileError> {
+        // It ends as well, as behind any other message that does not fit, so that the next request is served.
+        if !matches!(self.turn, Turn::Idle | Turn::Sent { last: true }) {
+            return Err(FileError::new(FileErrorCode::Illegal, SECOND));
+        }
         self.end(files);
         // Some MainDevices end it with a zero.
         let name = name.split(|&byte| byte == 0).next().unwrap_or_default();

@@ -119,7 +119,7 @@ fn what_is_wrong_with_the_port_is_said() {
         ),
         (
             "port X ethercat on-los stop",
-            "column 17: \"on-los\": expected interface, line, on-loss, id, modules, emergencies or prove-outputs; did you mean on-loss?",
+            "column 17: \"on-los\": expected interface, line, on-loss, id, modules, emergencies, prove-outputs or files; did you mean on-loss?",
         ),
         ("port X ethercat id 0", "column 20: \"0\": expected alias, or an id from 1 to 65535"),
     ];

@@ -111,7 +111,8 @@ fn the_setting_modules_makes_a_gateway_with_long_images_the_modular_one_with_lon
         let line = line_of_kind(Kind::IP_CORE, &LONG);
         let (esc, mut interrupt) = direct(line.borrow().chip(0));
         world.spawn(async move {
-            serve_long(place, None, esc, None, async || interrupt.wait_for_high().await.unwrap()).await;
+            serve_long(place, None, NoFiles, esc, None, async || interrupt.wait_for_high().await.unwrap())
+                .await;
         });
         world.run_for(Duration::from_secs(2));
         let fixed = LONG.identity.product;

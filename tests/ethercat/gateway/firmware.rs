@@ -1,6 +1,6 @@
 //! New firmware by FoE, in Boot and only there.
 
-use mobgate::fieldbus::{FirmwareBuffer, updatable_device};
+use mobgate::fieldbus::{FileBuffer, updatable_device};
 use mobgate::frame::FramePool;
 use mobgate::gateway::{Gateway, Ports};
 use mobgate::hal::{System, UpdateError};
@@ -13,7 +13,7 @@ use crate::files::client::*;
 use crate::outside::ends_well;
 use crate::prelude::*;
 
-type Objects = GatewayObjects<'static, &'static FirmwareBuffer>;
+type Objects = GatewayObjects<'static, &'static FileBuffer>;
 
 /// Counts restarts.
 #[derive(Clone, Default)]
@@ -35,7 +35,7 @@ fn leak<T>(value: T) -> &'static T {
 }
 
 /// The owner of the flash.
-async fn owner(buffer: &FirmwareBuffer, mut firmware: Firmware, restarts: Restarts) {
+async fn owner(buffer: &FileBuffer, mut firmware: Firmware, restarts: Restarts) {
     let pool = FramePool::new(&[], 0);
     let ports = Ports::<0>::new();
     Gateway::new(&pool, &ports, &[]).take_firmware(buffer, &mut firmware, &restarts).await
@@ -44,7 +44,7 @@ async fn owner(buffer: &FirmwareBuffer, mut firmware: Firmware, restarts: Restar
 /// A gateway in `state` whose flash takes firmware.
 fn updatable(state: u16, modules: bool) -> (Rig<Objects>, Firmware, Restarts) {
     let place = place_with(if modules { "port ecat ethercat modules" } else { "port ecat ethercat" });
-    let buffer = leak(FirmwareBuffer::new());
+    let buffer = leak(FileBuffer::new());
     let objects = if modules { GatewayObjects::modular(place) } else { GatewayObjects::new(place) };
     let mut rig = Rig::with_application(updatable_device(modules), objects.with_files(buffer));
     let (firmware, restarts) = (Firmware::default(), Restarts::default());
@@ -163,7 +163,7 @@ fn pysoem_writes_new_firmware_as_the_documentation_says() {
     in_own_network(test, || {
         let line = line_of(updatable_device(false));
         let (esc, mut interrupt) = direct(line.borrow().chip(0));
-        let (place, buffer) = (EthercatState::new(), FirmwareBuffer::new());
+        let (place, buffer) = (EthercatState::new(), FileBuffer::new());
         let objects = GatewayObjects::new(&place).with_files(&buffer);
         let mut sub_device = SubDevice::new(updatable_device(false), esc, objects);
         let (firmware, restarts) = (Firmware::default(), Restarts::default());

@@ -305,8 +305,10 @@ pub(super) fn any_ethercat() -> impl Strategy<Value = PortKind> {
     let line = prop::option::of("[A-Za-z][A-Za-z0-9.-]{0,9}_1");
     let interface = prop::option::of("[A-Za-z0-9_.:@-]{1,15}");
     let id = prop::option::of(1..=u16::MAX);
-    (interface, on_loss, line, any::<bool>(), id, any::<bool>(), any::<bool>()).prop_map(
-        |(interface, on_loss, line, prove_outputs, id, emergencies, modules)| {
+    let files = prop_oneof![Just(FileRights::Off), Just(FileRights::Read), Just(FileRights::Write)]
+        .prop_map(|files| if cfg!(feature = "files") { files } else { FileRights::Off });
+    (interface, on_loss, line, any::<bool>(), id, any::<bool>(), any::<bool>(), files).prop_map(
+        |(interface, on_loss, line, prove_outputs, id, emergencies, modules, files)| {
             let interface = interface.map(|name| name.as_str().try_into().unwrap());
             let line = line.map(|name| Name::try_from(name.as_str()).unwrap());
             PortKind::Ethercat(EthercatSettings {
@@ -317,6 +319,7 @@ pub(super) fn any_ethercat() -> impl Strategy<Value = PortKind> {
                 id,
                 emergencies,
                 modules,
+                files,
                 // Only asked for with points.
                 ..EthercatSettings::new().unwrap()
             })

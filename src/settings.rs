@@ -34,7 +34,10 @@ mod whole;
 pub(crate) use self::address::{Address, Endpoint, IPV6, canonical};
 pub use self::address::{Allowed, IpPrefix, Prefixes};
 pub use self::ethercat::{EthercatSettings, InterfaceName, OnLoss};
-pub(crate) use self::ethercat::{FileRights, INTERFACE_BYTES_MAX};
+// As the word.
+#[cfg(feature = "files")]
+pub(crate) use self::ethercat::FileRights;
+pub(crate) use self::ethercat::INTERFACE_BYTES_MAX;
 pub(crate) use self::field::{Count, Field};
 pub use self::functions::Functions;
 // As its port.

@@ -15,12 +15,14 @@ mod guard;
 mod job;
 mod json;
 mod lines;
+mod members;
 mod metrics;
 mod response;
 // Replaced by a stub in images without the page.
 #[cfg_attr(not(feature = "page"), path = "web/no_page.rs")]
 mod page;
 mod piece;
+mod reader;
 mod session;
 mod settings;
 mod status;

@@ -37,7 +37,7 @@ static CONNECTION_STATES: StaticCell<[Connection; CONNECTIONS]> = StaticCell::ne
 static CAPTURE: mobgate::capture::Capture = mobgate::capture::Capture::new();
 /// The settings that are being changed, or those to go back to.
 #[cfg(feature = "web")] // Only the web interface changes it.
-static CANDIDATE: mobgate::gateway::Candidate = mobgate::gateway::Candidate::new();
+static CANDIDATE: StaticCell<mobgate::gateway::Candidate> = StaticCell::new();
 /// Initialised at run time: a static containing a pointer would be copied from the flash as a whole.
 static GATEWAY: OnceLock<Gateway<'static>> = OnceLock::new();
 
@@ -50,7 +50,7 @@ pub fn gateway() -> &'static Gateway<'static> {
         #[cfg(feature = "audit")]
         let gateway = gateway.with_audit(mobgate_faults::audit_memory());
         #[cfg(feature = "web")]
-        let gateway = gateway.with_candidate(&CANDIDATE);
+        let gateway = gateway.with_candidate(CANDIDATE.init_with(mobgate::gateway::Candidate::new));
         #[cfg(feature = "ethercat")]
         let gateway = crate::states::join(gateway).with_capture(&CAPTURE);
         gateway

@@ -22,7 +22,6 @@ use crate::gateway::enter::Refused;
 use crate::gateway::web::Token;
 use crate::gateway::{Candidate, Credential};
 use crate::hal::{Store, System, Update};
-use crate::settings::Name;
 
 /// With `token` it is told, and no cookie is set.
 const LOG_IN: &[Member] =

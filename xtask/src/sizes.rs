@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 use crate::board;
 use crate::parts;
-use crate::tools::{Outcome, command, fault, figure, output, read, root};
+use crate::tools::{Outcome, command, fault, figure, output, read};
 
 /// Modules of the router's core.
 const CORE: [&str; 11] = [
@@ -115,7 +115,7 @@ fn with_users(name: &str, board: &str, budget: bool) -> Outcome<Image> {
 /// Prints what the web interface takes: its code, that is, without the page, its memory, and that of a connection.
 fn with_web(name: &str, board: &str, users: &Image) -> Outcome {
     let image = Image::build(board, " with the web interface, without EtherCAT", &board::WITH_WEB)?;
-    let page = page_bytes()?;
+    let page = page_bytes(&board::image(board)?.with_file_name("build"))?;
     figure(&format!("{name}_web_flash"), kib(image.flash() - users.flash() - page), "KiB", Some(96.0));
     figure(&format!("{name}_web_page"), kib(page), "KiB", Some(40_000.0 / 1024.0));
     figure(&format!("{name}_web_ram"), kib(image.ram() - users.ram()), "KiB", None);
@@ -125,17 +125,16 @@ fn with_web(name: &str, board: &str, users: &Image) -> Outcome {
     Ok(())
 }
 
-/// Bytes of the page's files, compressed by the build script that ran last.
-fn page_bytes() -> Outcome<u64> {
-    let built = root().join("target/thumb/release/build");
-    let fault = |error: std::io::Error| fault(&built, &error);
-    let scripts = built.read_dir().map_err(fault)?.flatten().map(|script| script.path().join("out"));
-    let of_page = |out: &PathBuf| out.join("page.js.gz").metadata().and_then(|file| file.modified()).ok();
-    let newest = scripts.filter(|out| of_page(out).is_some()).max_by_key(of_page);
-    let newest = newest.ok_or_else(|| format!("{}: no page was built", built.display()))?;
-    let files = newest.read_dir().map_err(fault)?.flatten();
+/// Bytes of the page's files, compressed by the build script in this folder of them that ran last.
+fn page_bytes(built: &Path) -> Outcome<u64> {
+    let error = |error: std::io::Error| fault(built, &error);
+    let written = |out: &PathBuf| out.join("page.js.gz").metadata().and_then(|file| file.modified()).ok();
+    let folders = built.read_dir().map_err(error)?.flatten().map(|script| script.path().join("out"));
+    let newest = folders.filter(|out| written(out).is_some()).max_by_key(written);
+    let newest = newest.ok_or_else(|| format!("{}: there is no page", built.display()))?;
+    let files = newest.read_dir().map_err(error)?.flatten();
     let files = files.filter(|file| file.path().extension().is_some_and(|kind| kind == "gz"));
-    files.map(|file| Ok(file.metadata().map_err(fault)?.len())).sum()
+    files.map(|file| Ok(file.metadata().map_err(error)?.len())).sum()
 }
 
 fn kib(bytes: u64) -> f64 {

@@ -58,7 +58,10 @@ impl Web {
 
 fn a_page_is_served_and_a_user_changes_the_settings_by_it(board: Board) {
     let mut machine = started(board.with_users());
-    set_up(&mut machine, &["network address 192.168.7.2/24", USER, "port web http server 80 cleartext"]);
+    // It is wider than the terminal, which shows parts of it.
+    let shown = machine.type_line(USER).unwrap();
+    assert!(!shown.contains("error"), "{shown}");
+    set_up(&mut machine, &["network address 192.168.7.2/24", "port web http server 80 cleartext"]);
     machine.run(Duration::from_secs(2)).unwrap();
     let mut web = Web { machine, network: Network::new(STATION), token: String::new() };
 

@@ -184,3 +184,62 @@ impl Kind {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+    use std::string::{String, ToString};
+
+    use super::*;
+
+    const KNOWN: &[Member] = &[
+        needed("port", Kind::Word),
+        needed("unit", BYTE),
+        optional("first", WORD, ""),
+        optional("second", WORD, ""),
+        optional("wait", Kind::Millis, "timeout "),
+        optional("from", Kind::Address, "from "),
+        optional("values", Kind::Numbers, ""),
+        optional("on", Kind::Flag, ""),
+    ];
+
+    fn line(body: &str) -> Result<String, String> {
+        let read = Members::read(body, KNOWN).and_then(|members| members.line("do"));
+        read.map(|line| line.to_string()).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn members_in_any_order_are_the_words_of_a_line() {
+        for (body, words) in [
+            (r#"{"unit":7,"port":"P1"}"#, "do P1 7"),
+            (r#"{"unit":7,"second":2,"port":"P1","first":1}"#, "do P1 7 1 2"),
+            (r#"{"unit":7,"second":2,"port":"P1"}"#, "do P1 7 0 2"),
+            (r#"{"values":[1,-2.50,3.0,1e-7],"unit":7,"port":"P1","second":null}"#, "do P1 7 1 -2.50 3 1e-7"),
+            (r#"{"from":"::1","wait":50,"unit":7,"port":"P1","values":[]}"#, "do P1 7 timeout 50ms from ::1"),
+        ] {
+            assert_eq!(line(body).as_deref(), Ok(words), "{body}");
+        }
+        let members = Members::read(r#"{"unit":7,"port":"P1","on":true}"#, KNOWN).unwrap();
+        assert_eq!((members.number("unit"), members.number("first")), (Some(7), None));
+        assert!(members.is_set("on") && !members.is_set("port"));
+    }
+
+    #[test]
+    fn a_wrong_member_is_named() {
+        for (body, why) in [
+            ("{}", "\"port\" is missing"),
+            (r#"{"port":"P1","unit":null}"#, "expected a number at byte 21"),
+            (r#"{"port":"P1","unit":256}"#, "expected a whole number, not above its limit at byte 21"),
+            (r#"{"port":"P1","unit":1,"port":"P1"}"#, "expected each member once at byte 30"),
+            (r#"{"port":"P1","unit":1,"prot":1}"#, "there is no \"prot\""),
+            (r#"{"port":"P1 as u16","unit":1}"#, "\"port\" is not one word of its kind"),
+            (r#"{"port":"P1","unit":1,"from":"here"}"#, "\"from\" is not one word of its kind"),
+        ] {
+            let told = line(body).unwrap_err();
+            assert!(told.ends_with(why), "{body}: {told}");
+        }
+        let values = std::vec!["0.123456789"; 512].join(",");
+        let long = std::format!("{{\"port\":\"P1\",\"unit\":1,\"values\":[{values}]}}");
+        assert_eq!(line(&long).unwrap_err(), "the request is too long");
+    }
+}

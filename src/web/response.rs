@@ -18,7 +18,6 @@ use super::piece::{Piece, ShortPiece, Source};
 use super::session;
 use super::settings::{Schema, Written};
 use super::status::Status;
-use crate::capture::CAPTURE;
 use crate::console::access::{Asked, Running};
 use crate::console::diff::restarting;
 use crate::gateway::Gateway;
@@ -230,8 +229,7 @@ impl Chunks for Pieces<'_, '_, '_, '_> {
         let Self { source, content } = self;
         match content {
             Content::Job(running) => job::run(&source, running, &mut writer).await?,
-            // An image without captures has not the code, either.
-            Content::Frames(token) if CAPTURE => job::frames(&source, token, &mut writer).await?,
+            Content::Frames(token) => job::frames(&source, token, &mut writer).await?,
             _ => {}
         }
         loop {

@@ -11,16 +11,21 @@ mod api;
 mod calls;
 mod candidate;
 mod commands;
+// An image without captures has none to send.
+#[cfg(feature = "capture")]
+mod frames;
 mod guard;
 mod job;
 mod json;
 mod lines;
+mod members;
 mod metrics;
 mod response;
 // Replaced by a stub in images without the page.
 #[cfg_attr(not(feature = "page"), path = "web/no_page.rs")]
 mod page;
 mod piece;
+mod reader;
 mod session;
 mod settings;
 mod status;

@@ -17,7 +17,7 @@ pub(crate) use super::show::Show;
 use super::show::write;
 use super::table::Source;
 use crate::gateway::Gateway;
-use crate::gateway::direct_request::DirectRequestError;
+use crate::gateway::direct_request::{DirectRequestError, Turn};
 use crate::hal::System;
 use crate::language::{LineError, Words, Wrong};
 use crate::modbus::Exception;
@@ -63,35 +63,35 @@ pub(crate) enum NotAsked {
     Request(#[from] DirectRequestError),
 }
 
-/// The response to a direct request.
-pub(crate) struct Response {
+/// A direct request, and then the response to it.
+pub(crate) struct Asked<'t, 'g> {
     question: Question,
+    /// Until it is answered.
+    turn: Option<Turn<'t, 'g>>,
     pdu: Pdu,
     pub(crate) took: Duration,
 }
 
-/// Asks a unit, by the words of `ping`, `read` or `write` in `line`; calls `understood` before.
-pub(crate) async fn ask(
-    gateway: &Gateway<'_>,
-    ask: Ask,
-    line: &str,
-    understood: impl FnOnce(),
-) -> Result<Response, NotAsked> {
-    let mut pdu = Pdu::new();
-    let (question, port) = {
+impl<'t, 'g> Asked<'t, 'g> {
+    /// Takes the turn for a request, by the words of `ping`, `read` or `write` in `line`.
+    pub(crate) fn new(gateway: &'t Gateway<'g>, ask: Ask, line: &str) -> Result<Self, NotAsked> {
+        let mut pdu = Pdu::new();
         let words = Words::new(line);
         words.take();
         let parsed = gateway.settings(|settings| parse(settings, ask, &words, &mut pdu));
-        parsed.map_err(|Wrong| NotAsked::Line(words.wrong()))?
-    };
-    let turn = gateway.turn(port)?;
-    understood();
-    let took = turn.ask(question.unit, &mut pdu).await?;
-    question.value.form().turn(question.order, pdu.get_mut(2..).unwrap_or_default());
-    Ok(Response { question, pdu, took })
-}
+        let (question, port) = parsed.map_err(|Wrong| NotAsked::Line(words.wrong()))?;
+        Ok(Self { question, turn: Some(gateway.turn(port)?), pdu, took: Duration::from_ticks(0) })
+    }
 
-impl Response {
+    /// Asks the unit.
+    pub(crate) async fn ask(&mut self) -> Result<(), DirectRequestError> {
+        let Some(turn) = self.turn.take() else { return Ok(()) };
+        self.took = turn.ask(self.question.unit, &mut self.pdu).await?;
+        let values = self.pdu.get_mut(2..).unwrap_or_default();
+        self.question.value.form().turn(self.question.order, values);
+        Ok(())
+    }
+
     pub(crate) fn unit(&self) -> u8 {
         self.question.unit
     }

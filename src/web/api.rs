@@ -205,6 +205,7 @@ impl<S: Store, U: Update, Y: System> PathRouterService for Api<'_, '_, S, U, Y> 
         let turn = self.gateway.web.turns.take(embassy_time::Instant::now());
         Timer::at(turn).await;
         let mut response = self.respond(path.encoded(), &request.parts, request.body_connection.body()).await;
+        response.settle().await;
         let connection = request.body_connection.finalize().await?;
         response.send(Source { gateway: self.gateway, system: self.system }, connection, writer).await
     }

@@ -1,84 +1,55 @@
 //! What the calls do.
 
-use core::fmt::{Display, Write};
+use core::fmt::Write;
 
 use embassy_time::{Duration, Instant};
-use heapless::{String, Vec};
-use serde::Deserialize;
-use serde::de::DeserializeOwned;
+use heapless::String;
 
 use super::api::{Api, Call, Caller};
 use super::candidate::{self, Unchanged};
 use super::json::Quoted;
 use super::lines::{Lines, Untaken};
+use super::members::{BYTE, Kind, Line, Member, Members, TEXT, WORD, needed, optional, via};
 use super::response::{Content, Part, Response, TEXT_BYTES_MAX};
 use super::session::{COOKIE, Shown};
 use super::settings::{Schema, Written};
 use super::status::Status;
-use crate::console::access::{self, Ask, Denied, NotAsked};
+use crate::console::access::{self, Ask, Asked, Denied, NotAsked};
 use crate::gateway::audit::Topic;
 use crate::gateway::commit::Uncommitted;
 use crate::gateway::difference::Difference;
-use crate::gateway::direct_request::DirectRequestError;
 use crate::gateway::enter::Refused;
 use crate::gateway::web::Token;
 use crate::gateway::{Candidate, Credential};
 use crate::hal::{Store, System, Update};
-use crate::settings::Name;
 
-/// Fits each text of a body in which characters are escaped.
-const UNESCAPED_BYTES_MAX: usize = 256;
-/// Values of a write.
-pub(super) const VALUES_MAX: usize = 128;
-/// Fits the line of a request with this many values, or a quarter of them without `long-requests`.
-pub(super) type Line = String<{ if cfg!(feature = "long-requests") { 4_096 } else { 1_024 } }>;
-/// A word of such a line.
-pub(super) type Word = String<32>;
+/// With `token` it is told, and no cookie is set.
+const LOG_IN: &[Member] =
+    &[needed("user", TEXT), needed("password", TEXT), optional("token", Kind::Flag, "")];
+/// `confirmed` in seconds.
+const COMMIT: &[Member] =
+    &[optional("check", Kind::Flag, ""), optional("confirmed", Kind::Number(u32::MAX), "")];
+const DIRECT: &[Member] = &[
+    needed("unit", BYTE),
+    optional("table", Kind::Word, ""),
+    optional("address", WORD, ""),
+    optional("count", WORD, "count "),
+    optional("type", Kind::Word, "as "),
+    optional("order", Kind::Word, "order "),
+    optional("values", Kind::Numbers, ""),
+    via("port"),
+];
 
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct LogIn {
-    user: String<64>,
-    password: String<64>,
-    /// The token is told, and no cookie is set.
-    #[serde(default)]
-    token: bool,
+/// Reads a body of these members.
+pub(super) fn parse<'s, 'g>(body: &str, members: &'static [Member]) -> Result<Members, Response<'s, 'g>> {
+    Members::read(body, members).map_err(|error| untaken(&error))
 }
 
-#[derive(Deserialize, Default)]
-#[serde(deny_unknown_fields)]
-struct Commit {
-    #[serde(default)]
-    check: bool,
-    /// Seconds.
-    #[serde(default)]
-    confirmed: Option<u32>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Direct {
-    port: Word,
-    unit: u8,
-    table: Option<Word>,
-    address: Option<u16>,
-    count: Option<u16>,
-    #[serde(rename = "type")]
-    kind: Option<Word>,
-    order: Option<Word>,
-    values: Option<Vec<f64, VALUES_MAX>>,
-}
-
-/// Reads a body.
-pub(super) fn parse<'s, 'g, T: DeserializeOwned>(body: &str) -> Result<T, Response<'s, 'g>> {
-    let wrong =
-        |what: &dyn Display| Response::error(400, &format_args!("the body is not as described: {what}"));
-    let mut unescaped = [0; UNESCAPED_BYTES_MAX];
-    let parsed = serde_json_core::from_slice_escaped(body.as_bytes(), &mut unescaped);
-    let (value, used) = parsed.map_err(|error| wrong(&error))?;
-    match body.get(used..).is_none_or(|rest| rest.trim().is_empty()) {
-        true => Ok(value),
-        false => Err(wrong(&"something follows the object")),
+pub(super) fn untaken<'s, 'g>(error: &Untaken) -> Response<'s, 'g> {
+    match error {
+        Untaken::Line(number, line, error) => Response::wrong_line(Some(*number), line, error),
+        Untaken::NotAWord(_) | Untaken::TooLong => Response::error(422, error),
+        _ => Response::error(400, error),
     }
 }
 
@@ -123,8 +94,8 @@ impl<'a, 'g, S: Store, U: Update, Y: System> Api<'a, 'g, S, U, Y> {
             Call::Commit => self.commit(caller, body).await,
             Call::Confirm => self.confirm(caller).await,
             Call::RollBack => self.roll_back(caller).await,
-            Call::Direct(ask) => self.ask(caller, ask, body).await,
-            Call::Scan | Call::Tune | Call::Explain | Call::Point => self.command(call, caller, body).await,
+            Call::Direct(ask) => self.ask(caller, ask, body),
+            Call::Scan | Call::Tune | Call::Explain | Call::Point => self.command(call, caller, body),
             Call::Stop => {
                 self.gateway.web.stop.signal(());
                 Response::done()
@@ -139,12 +110,11 @@ impl<'a, 'g, S: Store, U: Update, Y: System> Api<'a, 'g, S, U, Y> {
 
     /// `POST /session`
     pub(super) async fn log_in(&self, body: &str) -> Response<'a, 'g> {
-        let LogIn { user, password, token: is_told } = match parse(body) {
-            Ok(log_in) => log_in,
+        let (name, password, is_told) = match parse(body, LOG_IN) {
+            // No user has a longer name.
+            Ok(members) => (members.user().unwrap_or_default(), members.password(), members.is_set("token")),
             Err(refusal) => return refusal,
         };
-        // No user has a longer name.
-        let name = Name::try_from(user.as_str()).unwrap_or_default();
         let gateway = self.gateway;
         let _one_at_a_time = gateway.web.log_in.lock().await;
         let user = match gateway.enter(self.system, self.peer, &name, Credential::Password(&password)).await {
@@ -211,21 +181,18 @@ impl<'a, 'g, S: Store, U: Update, Y: System> Api<'a, 'g, S, U, Y> {
             Ok(count) => {
                 Response::json(200, format_args!("{{\"changes\":{count},\"warnings\":[{warnings}]}}"))
             }
-            Err(Unchanged::Untaken(Untaken::Line(number, line, error))) => {
-                Response::wrong_line(Some(number), &line, &error)
-            }
-            Err(Unchanged::Untaken(error)) => Response::error(400, &error),
+            Err(Unchanged::Untaken(error)) => untaken(&error),
             Err(Unchanged::Uncommitted(error)) => uncommitted(&error),
         }
     }
 
     async fn commit(&self, caller: &Caller, body: &str) -> Response<'a, 'g> {
-        let Commit { check, confirmed } = match parse(body) {
-            Ok(commit) => commit,
+        let (checks, confirmed) = match parse(body, COMMIT) {
+            Ok(members) => (members.is_set("check"), members.number("confirmed")),
             Err(refusal) => return refusal,
         };
         let gateway = self.gateway;
-        if check {
+        if checks {
             return self.of_candidate(|candidate| Ok(gateway.check(&*candidate.settings()?)?));
         }
         let confirmed = confirmed.map(|seconds| Duration::from_secs(seconds.into()));
@@ -268,67 +235,35 @@ impl<'a, 'g, S: Store, U: Update, Y: System> Api<'a, 'g, S, U, Y> {
         }
     }
 
-    /// `read`, `write`, `ping`
-    async fn ask(&self, caller: &Caller, ask: Ask, body: &str) -> Response<'a, 'g> {
-        let line = match parse(body).and_then(|direct| line(ask, &direct)) {
+    /// `read`, `write`, `ping`: the request, which is still to be made; or why it cannot be.
+    fn ask(&self, caller: &Caller, ask: Ask, body: &str) -> Response<'a, 'g> {
+        let verb = match ask {
+            Ask::Ping => "ping",
+            Ask::Read => "read",
+            Ask::Write => "write",
+        };
+        let line = match line(body, DIRECT, verb) {
             Ok(line) => line,
             Err(refusal) => return refusal,
         };
-        let understood = || {
-            if ask == Ask::Write {
-                self.gateway.audit(Topic::Command, caller.actor(), format_args!("{line}"));
+        match Asked::new(self.gateway, ask, &line) {
+            Ok(asked) => {
+                if ask == Ask::Write {
+                    self.gateway.audit(Topic::Command, caller.actor(), format_args!("{line}"));
+                }
+                Response::ok(Content::Values(asked, Part::default()))
             }
-        };
-        match access::ask(self.gateway, ask, &line, understood).await {
-            Ok(response) => Response::ok(Content::Values(response, Part::default())),
             Err(NotAsked::Line(error)) => Response::wrong_line(None, &line, &error),
-            Err(NotAsked::Request(DirectRequestError::Broadcast)) => {
-                Response::json(200, format_args!("{{\"unit\":0}}"))
-            }
             Err(error @ NotAsked::Request(_)) => Response::error(409, &error),
         }
     }
 }
 
-/// The command's line for a request.
-fn line<'s, 'g>(ask: Ask, direct: &Direct) -> Result<Line, Response<'s, 'g>> {
-    let words = [Some(&direct.port), direct.table.as_ref(), direct.kind.as_ref(), direct.order.as_ref()];
-    if !words.into_iter().flatten().all(is_word) {
-        return Err(Response::error(422, &"port, table, type and order are one word each"));
-    }
-    let mut line = Line::new();
-    write_line(ask, direct, &mut line).map_err(|_| Response::error(422, &"the request is too long"))?;
-    Ok(line)
-}
-
-/// Whether it is one word of a line.
-fn is_word(word: &Word) -> bool {
-    !word.is_empty() && word.bytes().all(|byte| byte.is_ascii_graphic() && !b"\"#,".contains(&byte))
-}
-
-/// A line of a verb and these words; `None` if one is not a word.
-pub(super) fn words(verb: &str, words: &[Option<&Word>]) -> Option<Line> {
-    let mut line = Line::new();
-    line.push_str(verb).ok()?;
-    for word in words.iter().flatten() {
-        write!(line, " {}", Some(word).filter(|word| is_word(word))?).ok()?;
-    }
-    Some(line)
-}
-
-fn write_line(ask: Ask, direct: &Direct, line: &mut Line) -> core::fmt::Result {
-    let Direct { port, unit, table, address, count, kind, order, values } = direct;
-    let verb = match ask {
-        Ask::Ping => "ping",
-        Ask::Read => "read",
-        Ask::Write => "write",
-    };
-    write!(line, "{verb} {unit}")?;
-    table.iter().try_for_each(|table| write!(line, " {table}"))?;
-    address.iter().try_for_each(|address| write!(line, " {address}"))?;
-    count.iter().try_for_each(|count| write!(line, " count {count}"))?;
-    kind.iter().try_for_each(|kind| write!(line, " as {kind}"))?;
-    order.iter().try_for_each(|order| write!(line, " order {order}"))?;
-    values.iter().flatten().try_for_each(|value| write!(line, " {value}"))?;
-    write!(line, " via {port}")
+/// The line of a verb for a body of these members.
+pub(super) fn line<'s, 'g>(
+    body: &str,
+    members: &'static [Member],
+    verb: &str,
+) -> Result<Line, Response<'s, 'g>> {
+    Members::read(body, members).and_then(|members| members.line(verb)).map_err(|error| untaken(&error))
 }

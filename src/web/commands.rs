@@ -2,12 +2,12 @@
 
 use core::fmt::Write;
 
-use heapless::{String, Vec};
-use serde::Deserialize;
+use heapless::String;
 
 use super::api::{Api, Call, Caller};
-use super::calls::{Line, VALUES_MAX, Word, parse, uncommitted, words};
+use super::calls::{line, parse, uncommitted};
 use super::json::Quoted;
+use super::members::{BYTE, Kind, Line, Member, TEXT, WORD, needed, optional};
 use super::response::{Content, Response, Text};
 use crate::console::access::{self, Denied, NotBegun, Running};
 use crate::gateway::audit::Topic;
@@ -15,158 +15,54 @@ use crate::gateway::commit::Uncommitted;
 use crate::gateway::reconfigure;
 use crate::hal::{Store, System, Update};
 use crate::routing::Decision;
-use crate::settings::{ClientRole, Name};
 
 /// Fits what a store tells of a version.
 const VERSION_BYTES_MAX: usize = 128;
-/// Fits a text in which each character is escaped but for some.
-#[cfg(feature = "long-values")] // As texts.
-const TEXT_BYTES_MAX: usize = 256;
 /// Bytes of a password: as at consoles.
 const PASSWORD_BYTES: core::ops::RangeInclusive<usize> = 8..=64;
 
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Scan {
-    port: Word,
-    units: Option<Word>,
-    bauds: Option<Vec<u32, 8>>,
-    timeout_ms: Option<u32>,
-    function: Option<u8>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Tune {
-    port: Word,
-    units: Option<Word>,
-    count: Option<u32>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Explain {
-    port: Word,
-    unit: u8,
-    function: u8,
-    address: Option<u16>,
-    count: Option<u16>,
-    from: Option<String<48>>,
-    role: Option<String<31>>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Point {
-    point: Word,
-    at: Option<u16>,
-    #[serde(default)]
-    values: Vec<f64, VALUES_MAX>,
-    /// One value as it is typed: text, or a number of more digits than a float has.
+const SCAN: &[Member] = &[
+    needed("port", Kind::Word),
+    optional("bauds", Kind::Numbers, ""),
+    optional("units", Kind::Range, "units "),
+    optional("function", BYTE, "function "),
+    optional("timeout_ms", Kind::Millis, "timeout "),
+];
+const TUNE: &[Member] = &[
+    needed("port", Kind::Word),
+    optional("units", Kind::Range, "units "),
+    optional("count", Kind::Number(u32::MAX), "count "),
+];
+const EXPLAIN: &[Member] = &[
+    needed("port", Kind::Word),
+    needed("unit", BYTE),
+    needed("function", BYTE),
+    optional("address", WORD, ""),
+    optional("count", WORD, ""),
+    optional("from", Kind::Address, "from "),
+    optional("role", Kind::Role, "role "),
+];
+const POINT: &[Member] = &[
+    needed("point", Kind::Point),
+    optional("at", WORD, "at "),
+    optional("values", Kind::Numbers, ""),
+    // One value as it is typed: text, or a number of more digits than a float has.
     #[cfg(feature = "long-values")] // As such values.
-    text: Option<String<TEXT_BYTES_MAX>>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Version {
-    version: u8,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Password {
-    user: String<64>,
-    password: String<64>,
-}
-
-impl Scan {
-    fn line(&self) -> Option<Line> {
-        let Self { port, units, bauds, timeout_ms, function } = self;
-        let mut line = words("scan", &[Some(port)])?;
-        bauds.iter().flatten().try_for_each(|baud| write!(line, " {baud}")).ok()?;
-        optional(&mut line, "units", units.as_ref().filter(|units| is_range(units)), units.is_some())?;
-        optional(&mut line, "function", function.as_ref(), false)?;
-        timeout_ms.iter().try_for_each(|time| write!(line, " timeout {time}ms")).ok()?;
-        Some(line)
-    }
-}
-
-impl Tune {
-    fn line(&self) -> Option<Line> {
-        let Self { port, units, count } = self;
-        let mut line = words("tune", &[Some(port)])?;
-        optional(&mut line, "units", units.as_ref().filter(|units| is_range(units)), units.is_some())?;
-        optional(&mut line, "count", count.as_ref(), false)?;
-        Some(line)
-    }
-}
-
-impl Explain {
-    fn line(&self) -> Option<Line> {
-        let Self { port, unit, function, address, count, from, role } = self;
-        let mut line = words("explain", &[Some(port)])?;
-        write!(line, " {unit} {function}").ok()?;
-        if address.is_some() || count.is_some() {
-            write!(line, " {}", address.unwrap_or(0)).ok()?;
-        }
-        count.iter().try_for_each(|count| write!(line, " {count}")).ok()?;
-        let is_address = |from: &&String<48>| from.parse::<core::net::IpAddr>().is_ok();
-        optional(&mut line, "from", from.as_ref().filter(is_address), from.is_some())?;
-        let is_role = |role: &&String<31>| ClientRole::new(role).is_some();
-        optional(&mut line, "role", role.as_ref().filter(is_role), role.is_some())?;
-        Some(line)
-    }
-}
-
-impl Point {
-    fn line(&self) -> Option<Line> {
-        let mut line = words("write", &[Some(&self.point)])?;
-        // A number would be a unit.
-        self.point.bytes().next().filter(u8::is_ascii_alphabetic)?;
-        optional(&mut line, "at", self.at.as_ref(), false)?;
-        self.values.iter().try_for_each(|value| write!(line, " {value}")).ok()?;
-        #[cfg(feature = "long-values")] // As the field.
-        if let Some(text) = &self.text {
-            let is_word = !text.contains(|letter: char| letter == '"' || letter.is_control());
-            is_word.then(|| write!(line, " \"{text}\"").ok())??;
-            return self.values.is_empty().then_some(line);
-        }
-        (!self.values.is_empty()).then_some(line)
-    }
-}
-
-/// Appends a word with its value, if there is one; `None` if one is `needed`.
-fn optional<T: core::fmt::Display>(
-    line: &mut Line,
-    word: &str,
-    value: Option<T>,
-    needed: bool,
-) -> Option<()> {
-    match value {
-        Some(value) => write!(line, " {word} {value}").ok(),
-        None => (!needed).then_some(()),
-    }
-}
-
-fn is_range(word: &Word) -> bool {
-    word.bytes().all(|byte| byte.is_ascii_digit() || byte == b'-')
-}
-
-/// The body has fields that are not words of a line, or too many.
-fn no_line<'s, 'g>() -> Response<'s, 'g> {
-    Response::error(422, &"port, units, point and from are one word each, and a point has values or a text")
-}
+    optional("text", Kind::Quoted, ""),
+];
+const VERSION: &[Member] = &[needed("version", BYTE)];
+const PASSWORD: &[Member] = &[needed("user", TEXT), needed("password", TEXT)];
 
 impl<'a, 'g, S: Store, U: Update, Y: System> Api<'a, 'g, S, U, Y> {
-    pub(super) async fn command(&self, call: Call, caller: &Caller, body: &str) -> Response<'a, 'g> {
-        let line = match call {
-            Call::Scan => parse(body).map(|scan: Scan| scan.line()),
-            Call::Tune => parse(body).map(|tune: Tune| tune.line()),
-            Call::Explain => parse(body).map(|explain: Explain| explain.line()),
-            _ => parse(body).map(|point: Point| point.line()),
+    /// `scan`, `tune`, `explain`, and the `write` of a point, which have begun.
+    pub(super) fn command(&self, call: Call, caller: &Caller, body: &str) -> Response<'a, 'g> {
+        let (members, verb) = match call {
+            Call::Scan => (SCAN, "scan"),
+            Call::Tune => (TUNE, "tune"),
+            Call::Explain => (EXPLAIN, "explain"),
+            _ => (POINT, "write"),
         };
-        let line = match line.and_then(|line| line.ok_or_else(no_line)) {
+        let line = match line(body, members, verb) {
             Ok(line) => line,
             Err(refusal) => return refusal,
         };
@@ -181,16 +77,11 @@ impl<'a, 'g, S: Store, U: Update, Y: System> Api<'a, 'g, S, U, Y> {
             Err(NotBegun::Failed) => return failed(&running),
         }
         self.gateway.web.stop.reset();
-        if matches!(call, Call::Scan | Call::Tune) {
-            self.takes_long();
-            return Response::ok(Content::Job(running));
+        if call == Call::Point {
+            return Response::ok(Content::Point(running));
         }
-        while running.next(core::future::pending).await {
-            if running.has_failed() {
-                return failed(&running);
-            }
-        }
-        Response::done()
+        self.takes_long();
+        Response::ok(Content::Job(running))
     }
 
     fn explain(&self, line: &Line) -> Response<'a, 'g> {
@@ -245,14 +136,14 @@ impl<'a, 'g, S: Store, U: Update, Y: System> Api<'a, 'g, S, U, Y> {
 
     /// `POST /settings/versions`
     pub(super) async fn bring_back(&self, caller: &Caller, body: &str) -> Response<'a, 'g> {
-        let Version { version } = match parse(body) {
-            Ok(version) => version,
+        let version = match parse(body, VERSION) {
+            Ok(members) => members.number("version").unwrap_or_default(),
             Err(refusal) => return refusal,
         };
         let Some(candidate) = self.gateway.candidate() else { return uncommitted(&Uncommitted::Nothing) };
         self.gateway.audit(Topic::Command, caller.actor(), format_args!("rollback {version}"));
         let mut store = self.store.lock().await;
-        match candidate.bring_back(self.gateway, *store, version.into()).await {
+        match candidate.bring_back(self.gateway, *store, version as usize).await {
             Ok(()) => Response::done(),
             Err(error) => uncommitted(&error),
         }
@@ -260,15 +151,14 @@ impl<'a, 'g, S: Store, U: Update, Y: System> Api<'a, 'g, S, U, Y> {
 
     /// `POST /password`: sets it, and saves the settings.
     pub(super) async fn password(&self, caller: &Caller, body: &str) -> Response<'a, 'g> {
-        let Password { user, password } = match parse(body) {
-            Ok(password) => password,
+        let (name, password) = match parse(body, PASSWORD) {
+            Ok(members) => (members.user(), members.password()),
             Err(refusal) => return refusal,
         };
         if !PASSWORD_BYTES.contains(&password.len()) || password.chars().any(char::is_control) {
             return Response::error(422, &"a password has 8 to 64 characters");
         }
         let gateway = self.gateway;
-        let name = Name::try_from(user.as_str()).ok();
         let Some(name) = name.filter(|name| gateway.settings(|settings| settings.user(name).is_some()))
         else {
             return Response::error(422, &"there is no such user");
@@ -290,7 +180,7 @@ impl<'a, 'g, S: Store, U: Update, Y: System> Api<'a, 'g, S, U, Y> {
 }
 
 /// What the command says of its failure.
-fn failed<'s, 'g>(running: &Running<'_, '_>) -> Response<'s, 'g> {
+pub(super) fn failed<'s, 'g>(running: &Running<'_, '_>) -> Response<'s, 'g> {
     let text = running.text().trim();
     Response::error(409, &text.strip_prefix("error: ").unwrap_or(text))
 }

@@ -1,22 +1,38 @@
-//! Long-running work whose output is streamed: `scan` and `tune`, and captured frames as a file.
+//! Work that takes time: what is done before a response, and the output of `scan` and `tune`, which is streamed.
 
-use embassy_time::{Duration, Instant, Timer};
-use embedded_io_async::{ErrorType, Write};
-use heapless::Vec;
+use core::future::pending;
+
 use picoserve::io::Write as Stream;
 use picoserve::response::chunked::ChunkWriter;
 
+use super::commands::failed;
 use super::piece::Source;
-use super::session;
+use super::response::{Content, Response};
 use crate::console::access::Running;
-use crate::gateway::web::Token;
+use crate::gateway::direct_request::DirectRequestError;
 
-/// Bytes of the file that are sent at a time.
-const PIECE_BYTES: usize = 1_024;
-/// Interval of looking for frames.
-const FRAMES_PAUSE: Duration = Duration::from_millis(50);
-/// Longest time without a byte.
-const SIGN_OF_LIFE: Duration = Duration::from_secs(2);
+impl Response<'_, '_> {
+    /// Does what must be over before the status can be told. It is done in place, so that there is one response in memory.
+    pub(super) async fn settle(&mut self) {
+        match &mut self.content {
+            Content::Values(asked, _) => match asked.ask().await {
+                Ok(()) => {}
+                Err(DirectRequestError::Broadcast) => *self = Self::json(200, format_args!("{{\"unit\":0}}")),
+                Err(error) => *self = Self::error(409, &error),
+            },
+            Content::Point(running) => {
+                while running.next(pending).await {
+                    if running.has_failed() {
+                        *self = failed(running);
+                        return;
+                    }
+                }
+                *self = Self::done();
+            }
+            _ => {}
+        }
+    }
+}
 
 /// Streams a command's output, including what it has written before, until it or the connection ends.
 pub(super) async fn run<W: Stream>(
@@ -30,62 +46,5 @@ pub(super) async fn run<W: Stream>(
         if !running.next(async || source.gateway.web.stop.wait().await).await {
             return Ok(());
         }
-    }
-}
-
-/// Sends the frames from now on, as long as the session lasts.
-pub(super) async fn frames<W: Stream>(
-    source: &Source<'_, '_>,
-    token: &Token,
-    writer: &mut ChunkWriter<W>,
-) -> Result<(), W::Error> {
-    let mut out = Buffered { bytes: Vec::new(), writer };
-    // `admit` has refused it where there is no capture.
-    let Some(mut export) = source.gateway.export(&mut out).await? else { return Ok(()) };
-    let mut told = Instant::now();
-    loop {
-        if !out.bytes.is_empty() {
-            out.flush().await?;
-            told = Instant::now();
-        }
-        if !export.write_next(&mut out).await? {
-            // Only writing reveals that the client has stopped reading.
-            if told.elapsed() >= SIGN_OF_LIFE {
-                export.write_lost(&mut out).await?;
-            }
-            if session::user(source.gateway, token, false).is_none() {
-                return Ok(());
-            }
-            Timer::after(FRAMES_PAUSE).await;
-        }
-    }
-}
-
-/// Gathers bytes into chunks.
-struct Buffered<'w, W: Stream> {
-    bytes: Vec<u8, PIECE_BYTES>,
-    writer: &'w mut ChunkWriter<W>,
-}
-
-impl<W: Stream> ErrorType for Buffered<'_, W> {
-    type Error = W::Error;
-}
-
-impl<W: Stream> Write for Buffered<'_, W> {
-    async fn write(&mut self, from: &[u8]) -> Result<usize, W::Error> {
-        if self.bytes.is_full() {
-            self.flush().await?;
-        }
-        let room = self.bytes.capacity() - self.bytes.len();
-        let now = from.get(..room).unwrap_or(from);
-        // It fits.
-        let _ = self.bytes.extend_from_slice(now);
-        Ok(now.len())
-    }
-
-    async fn flush(&mut self) -> Result<(), W::Error> {
-        self.writer.write_chunk(&self.bytes).await?;
-        self.bytes.clear();
-        Ok(())
     }
 }

@@ -8,8 +8,9 @@ use crate::hal::System;
 
 /// A piece. Most fit into a connection's own memory; a longer one is written in that of [`crate::gateway::web::Web::long_piece`].
 pub(super) type Piece = StringView;
-/// A connection's own memory for pieces.
-pub(super) type ShortPiece = String<1_024>;
+/// Bytes of a connection's own memory for pieces.
+pub(super) const SHORT_BYTES: usize = if cfg!(feature = "long-requests") { 1_024 } else { 512 };
+pub(super) type ShortPiece = String<SHORT_BYTES>;
 
 /// What responses are made of.
 #[derive(Clone, Copy)]

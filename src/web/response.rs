@@ -4,12 +4,14 @@ use core::fmt::{self, Display, Write as _};
 
 use embassy_futures::yield_now;
 use embassy_time::{Duration, Timer};
-use heapless::String;
+use heapless::{String, Vec};
 use picoserve::ResponseSent;
 use picoserve::io::{Read, Write};
 use picoserve::response::chunked::{ChunkWriter, ChunkedResponse, Chunks, ChunksWritten};
 use picoserve::response::{self, Connection, IntoResponse, ResponseWriter, StatusCode};
 
+#[cfg(feature = "capture")]
+use super::frames;
 use super::job;
 use super::json::Quoted;
 use super::metrics::Metrics;
@@ -18,7 +20,7 @@ use super::piece::{Piece, ShortPiece, Source};
 use super::session;
 use super::settings::{Schema, Written};
 use super::status::Status;
-use crate::console::access::{self, Running};
+use crate::console::access::{Asked, Running};
 use crate::console::diff::restarting;
 use crate::gateway::Gateway;
 use crate::gateway::difference::Difference;
@@ -46,6 +48,9 @@ const HEADERS: &[(&str, &str)] = &[
     ("Content-Security-Policy", "default-src 'none'; frame-ancestors 'none'"),
 ];
 
+/// Those, or those of a file, and two more.
+const HEADERS_MAX: usize = 6;
+
 /// Sent with each file of the page: it runs its own scripts only, and is no part of another page. A browser asks whether it has changed.
 const FILE_HEADERS: &[(&str, &str)] = &[
     ("Cache-Control", "no-cache"),
@@ -61,7 +66,7 @@ const FILE_HEADERS: &[(&str, &str)] = &[
 pub(super) struct Response<'s, 'g> {
     status: u16,
     header: Option<(&'static str, String<128>)>,
-    content: Content<'s, 'g>,
+    pub(super) content: Content<'s, 'g>,
 }
 
 // One at a time.
@@ -78,7 +83,9 @@ pub(super) enum Content<'s, 'g> {
     Schema(Schema),
     Diff(Difference, Part),
     /// The response of a unit.
-    Values(access::Response, Part),
+    Values(Asked<'s, 'g>, Part),
+    /// A point that is being written.
+    Point(Running<'s, 'g>),
     /// What a command writes.
     Job(Running<'s, 'g>),
     /// Frames as they come, until the session ends.
@@ -169,30 +176,36 @@ impl<'s, 'g> Response<'s, 'g> {
             *self = Self::error(409, &full);
         }
         let Self { status, header, content } = self;
-        let status = StatusCode::new(*status);
-        let header = header.as_ref().map(|(name, value)| (*name, value.as_str()));
-        match content {
+        let mut status = StatusCode::new(*status);
+        let mut headers = Vec::<(&str, &str), HEADERS_MAX>::new();
+        // As many as there are.
+        let _ = headers.extend_from_slice(if matches!(content, Content::File(..)) {
+            FILE_HEADERS
+        } else {
+            HEADERS
+        });
+        headers.extend(header.as_ref().map(|(name, value)| (*name, value.as_str())));
+        let (kind, bytes) = match content {
             Content::Nothing => {
-                let response = response::Response::empty(status).with_headers(HEADERS).with_headers(header);
-                response.write_to(connection, writer).await
+                let response = response::Response::empty(status).with_headers(&*headers);
+                return response.write_to(connection, writer).await;
             }
-            Content::Json(text) => {
-                let response =
-                    response::Response::new(status, text.as_str()).with_content_type("application/json");
-                response.with_headers(HEADERS).with_headers(header).write_to(connection, writer).await
-            }
+            Content::Json(text) => ("application/json", text.as_bytes()),
             Content::File(file, is_known) => {
-                let (status, bytes) =
-                    if *is_known { (StatusCode::NOT_MODIFIED, &[][..]) } else { (status, file.bytes) };
-                let response = response::Response::new(status, bytes).with_content_type(file.kind);
-                let response = response.with_header("Content-Encoding", "gzip").with_header("ETag", file.tag);
-                response.with_headers(FILE_HEADERS).write_to(connection, writer).await
+                headers.extend([("Content-Encoding", "gzip"), ("ETag", file.tag)]);
+                if *is_known {
+                    status = StatusCode::NOT_MODIFIED;
+                }
+                (file.kind, if *is_known { &[][..] } else { file.bytes })
             }
             content => {
                 let response = ChunkedResponse::new(Pieces { source, content }).into_response();
-                response.with_status_code(status).with_headers(HEADERS).write_to(connection, writer).await
+                let response = response.with_status_code(status).with_headers(&*headers);
+                return response.write_to(connection, writer).await;
             }
-        }
+        };
+        let response = response::Response::new(status, bytes).with_content_type(kind);
+        response.with_headers(&*headers).write_to(connection, writer).await
     }
 }
 
@@ -218,7 +231,8 @@ impl Chunks for Pieces<'_, '_, '_, '_> {
         let Self { source, content } = self;
         match content {
             Content::Job(running) => job::run(&source, running, &mut writer).await?,
-            Content::Frames(token) => job::frames(&source, token, &mut writer).await?,
+            #[cfg(feature = "capture")]
+            Content::Frames(token) => frames::send(&source, token, &mut writer).await?,
             _ => {}
         }
         loop {
@@ -261,7 +275,12 @@ impl Content<'_, '_> {
     /// Writes the next piece; `false`: there was none. After an error the same piece is the next one.
     fn next(&mut self, source: &Source<'_, '_>, out: &mut Piece) -> Result<bool, fmt::Error> {
         match self {
-            Self::Nothing | Self::Json(_) | Self::File(..) | Self::Job(_) | Self::Frames(_) => Ok(false),
+            Self::Nothing
+            | Self::Json(_)
+            | Self::File(..)
+            | Self::Point(_)
+            | Self::Job(_)
+            | Self::Frames(_) => Ok(false),
             Self::Status(status) => status.next(source, out),
             Self::Live(status, ..) => {
                 // An event is a line: in JSON, line ends are escaped.
@@ -356,7 +375,7 @@ fn next_of_rules(
 }
 
 /// `{"unit":7,"took_us":1234,"address":0,"values":[1,2]}`
-fn values(response: &access::Response, out: &mut Piece) -> fmt::Result {
+fn values(response: &Asked<'_, '_>, out: &mut Piece) -> fmt::Result {
     write!(out, "{{\"unit\":{},\"took_us\":{}", response.unit(), response.took.as_micros())?;
     match (response.exception(), response.values()) {
         (Some(exception), _) => {

@@ -178,10 +178,19 @@ fn write_files(board: &str) -> Outcome {
 
 /// An image without EtherCAT, and with users and the audit trail.
 pub(crate) const WITH_USERS: [&str; 2] = ["--no-default-features", "--features=users"];
+/// One with the web interface too, which is for users.
+pub(crate) const WITH_WEB: [&str; 2] = ["--no-default-features", "--features=web"];
 
-/// Builds the images of a board: first those without EtherCAT, which are kept beside the other.
+/// Whether a board's package has a feature.
+pub(crate) fn has_feature(board: &str, feature: &str) -> Outcome<bool> {
+    Ok(tools::read(format!("boards/{board}/Cargo.toml"))?.contains(&format!("\n{feature} = [")))
+}
+
+/// Builds the images of a board: first those without EtherCAT, which are kept beside the other. Users are tested in the image with the
+/// web interface, where there is one.
 pub(crate) fn build_all(board: &str) -> Outcome {
-    for (arguments, behind) in [(&WITH_USERS[..], "-with-users"), (&WITH_USERS[..1], "-without-ethercat")] {
+    let users = if has_feature(board, "web")? { &WITH_WEB } else { &WITH_USERS };
+    for (arguments, behind) in [(&users[..], "-with-users"), (&WITH_USERS[..1], "-without-ethercat")] {
         run(board, "build", &arguments.iter().map(|&word| word.into()).collect::<Vec<_>>())?;
         let image = image(board)?;
         let mut kept = image.clone().into_os_string();

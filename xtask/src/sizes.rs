@@ -1,4 +1,4 @@
-//! Sizes of the boards' images, the STM32 ones each without and with EtherCAT and data points, and with users: sections, largest symbols, budgets.
+//! Sizes of the boards' images, the STM32 ones each without and with EtherCAT and data points, with users, and with the web interface where the board has it: sections, largest symbols, budgets.
 //!
 //! Flash is what is programmed: code, constants, and initial values of variables. RAM is what is used statically; the rest of the
 //! memory is the stack. The router's core is what lies between the ports: router, rules, frames, queues, counters. Its flash is the
@@ -7,11 +7,11 @@
 //! The H743's image without has a budget for what it had at commit `ed70195`, which is the rest besides the [`parts`] that were added
 //! since, and a budget for all.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use crate::board;
 use crate::parts;
-use crate::tools::{Outcome, command, figure, output, read};
+use crate::tools::{Outcome, command, fault, figure, output, read};
 
 /// Modules of the router's core.
 const CORE: [&str; 11] = [
@@ -54,6 +54,11 @@ const PARTS: [(&str, &str); 7] = [
     ("router", "gateway::router::POOL"),
 ];
 
+/// The futures of the task that has the web interface's connections, which are so many, and the buffers of their sockets.
+const WEB_TASK: &str = "nucleo144::serve::POOL";
+const SOCKET_BUFFERS: &str = "network::BUFFERS";
+const WEB_CONNECTIONS: u64 = 6;
+
 const CODE: &str = "tTrR";
 const VARIABLES: &str = "dDbB";
 const LARGEST: usize = 8;
@@ -70,7 +75,10 @@ pub(crate) fn print(boards: &[String]) -> Outcome {
         // Eight ports, 64 rules, 16 clients.
         let budget = board == "nucleo_h743zi";
         if !is_rp2040 {
-            with_users(&format!("{name}_secure"), board, budget)?;
+            let users = with_users(&format!("{name}_secure"), board, budget)?;
+            if board::has_feature(board, "web")? {
+                with_web(name, board, &users)?;
+            }
         }
         let image = Image::build(board, " without EtherCAT", &board::WITH_USERS[..1])?;
         // Of the RP2040: the program's part of the flash; RAM but for the stack.
@@ -95,10 +103,38 @@ pub(crate) fn print(boards: &[String]) -> Outcome {
 }
 
 /// Prints the sizes of a board's image with users and the audit trail, without EtherCAT; part by part where there is a budget.
-fn with_users(name: &str, board: &str, budget: bool) -> Outcome {
+fn with_users(name: &str, board: &str, budget: bool) -> Outcome<Image> {
     let image = Image::build(board, " with users, without EtherCAT", &board::WITH_USERS)?;
     image.totals(name, budget.then_some((352.0, 192.0)));
-    if budget { image.parts(name, board, None) } else { Ok(()) }
+    if budget {
+        image.parts(name, board, None)?;
+    }
+    Ok(image)
+}
+
+/// Prints what the web interface takes: its code, that is, without the page, its memory, and that of a connection.
+fn with_web(name: &str, board: &str, users: &Image) -> Outcome {
+    let image = Image::build(board, " with the web interface, without EtherCAT", &board::WITH_WEB)?;
+    let page = page_bytes(&board::image(board)?.with_file_name("build"))?;
+    figure(&format!("{name}_web_flash"), kib(image.flash() - users.flash() - page), "KiB", Some(96.0));
+    figure(&format!("{name}_web_page"), kib(page), "KiB", Some(40_000.0 / 1024.0));
+    figure(&format!("{name}_web_ram"), kib(image.ram() - users.ram()), "KiB", None);
+    let of_connections = |image: &Image| image.variable(WEB_TASK) + image.variable(SOCKET_BUFFERS);
+    let bytes = (of_connections(&image) - of_connections(users)) / WEB_CONNECTIONS;
+    figure(&format!("{name}_web_connection_ram"), kib(bytes), "KiB", Some(8.0));
+    Ok(())
+}
+
+/// Bytes of the page's files, compressed by the build script in this folder of them that ran last.
+fn page_bytes(built: &Path) -> Outcome<u64> {
+    let error = |error: std::io::Error| fault(built, &error);
+    let written = |out: &PathBuf| out.join("page.js.gz").metadata().and_then(|file| file.modified()).ok();
+    let folders = built.read_dir().map_err(error)?.flatten().map(|script| script.path().join("out"));
+    let newest = folders.filter(|out| written(out).is_some()).max_by_key(written);
+    let newest = newest.ok_or_else(|| format!("{}: there is no page", built.display()))?;
+    let files = newest.read_dir().map_err(error)?.flatten();
+    let files = files.filter(|file| file.path().extension().is_some_and(|kind| kind == "gz"));
+    files.map(|file| Ok(file.metadata().map_err(error)?.len())).sum()
 }
 
 fn kib(bytes: u64) -> f64 {
@@ -176,10 +212,18 @@ impl Image {
         self.sum(&[".boot2", ".vector_table", ".text", ".rodata", ".data", ".gnu.sgstubs"])
     }
 
+    fn ram(&self) -> u64 {
+        self.sum(&[".kept", ".data", ".bss", ".uninit"])
+    }
+
+    /// Bytes of the variables of this name.
+    fn variable(&self, name: &str) -> u64 {
+        self.of_kind(VARIABLES).filter(|symbol| symbol.name.ends_with(name)).map(|symbol| symbol.bytes).sum()
+    }
+
     fn totals(&self, name: &str, most: Option<(f64, f64)>) {
         figure(&format!("{name}_flash"), kib(self.flash()), "KiB", most.map(|(flash, _)| flash));
-        let ram = kib(self.sum(&[".kept", ".data", ".bss", ".uninit"]));
-        figure(&format!("{name}_ram"), ram, "KiB", most.map(|(_, ram)| ram));
+        figure(&format!("{name}_ram"), kib(self.ram()), "KiB", most.map(|(_, ram)| ram));
     }
 
     /// Prints the flash of what was added, part by part, and of the rest.

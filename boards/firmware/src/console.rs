@@ -98,5 +98,11 @@ async fn serve(
         let guests = pin!(crate::ssh::serve(board, &flash, updater));
         embassy_futures::join::join(guests, sessions).await.1
     };
+    // As its feature.
+    #[cfg(feature = "web")]
+    let sessions = async {
+        let web = pin!(crate::web::serve(board, &flash, updater));
+        embassy_futures::join::join(web, sessions).await.1
+    };
     embassy_futures::join::join(trial, sessions).await.1
 }

@@ -35,6 +35,9 @@ static CONNECTION_STATES: StaticCell<[Connection; CONNECTIONS]> = StaticCell::ne
 // Images without it are smaller, see Cargo.toml.
 #[cfg(feature = "ethercat")]
 static CAPTURE: mobgate::capture::Capture = mobgate::capture::Capture::new();
+/// The settings that are being changed, or those to go back to.
+#[cfg(feature = "web")] // Only the web interface changes it.
+static CANDIDATE: StaticCell<mobgate::gateway::Candidate> = StaticCell::new();
 /// Initialised at run time: a static containing a pointer would be copied from the flash as a whole.
 static GATEWAY: OnceLock<Gateway<'static>> = OnceLock::new();
 
@@ -46,6 +49,8 @@ pub fn gateway() -> &'static Gateway<'static> {
         // Images without it are smaller, see Cargo.toml.
         #[cfg(feature = "audit")]
         let gateway = gateway.with_audit(mobgate_faults::audit_memory());
+        #[cfg(feature = "web")]
+        let gateway = gateway.with_candidate(CANDIDATE.init_with(mobgate::gateway::Candidate::new));
         #[cfg(feature = "ethercat")]
         let gateway = crate::states::join(gateway).with_capture(&CAPTURE);
         gateway

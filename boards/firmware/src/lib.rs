@@ -2,10 +2,12 @@
 //!
 //! * [`gateway`]: the gateway's statics and tasks; [`lines`]: the table of lines, which ports open by name.
 //! * [`network`]: the stack on the board's Ethernet and its sockets.
-//! * [`console`]: the console over any terminal, `ssh`: and by network; [`start`]: the settings at start-up, and the factory reset.
+//! * [`console`]: the console over any terminal, `ssh`: and by network; `web`: the web interface; [`start`]: the settings at start-up, and the factory reset.
 //! * [`system`]: the console's interface to the board; [`watchdog`]: whether it may be fed, shown by the [`lights`]; [`trial`]: whether new
 //!   firmware stays; `waiting`: what the next restart starts.
 #![no_std]
+// The types of the web interface's futures are deep.
+#![recursion_limit = "256"]
 
 pub mod console;
 pub mod gateway;
@@ -26,3 +28,6 @@ pub mod trial;
 #[cfg(feature = "ethercat")]
 mod waiting;
 pub mod watchdog;
+// As its feature.
+#[cfg(feature = "web")]
+mod web;

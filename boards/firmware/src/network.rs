@@ -13,8 +13,10 @@ use static_cell::{ConstStaticCell, StaticCell};
 use crate::gateway::{CONNECTIONS, CONNECTIONS_OUT, LIVENESS, Task, gateway};
 pub use crate::sockets::Network;
 
+/// Connections of the web interface: as many as a browser opens for a page, in an image with it.
+pub(crate) const WEB_CONNECTIONS: usize = if cfg!(feature = "web") { 6 } else { 0 };
 /// Open sockets: incoming and outgoing connections, and UDP.
-const SOCKETS: usize = CONNECTIONS + CONNECTIONS_OUT;
+const SOCKETS: usize = CONNECTIONS + CONNECTIONS_OUT + WEB_CONNECTIONS;
 /// The longest Modbus TCP frame for each direction.
 const SOCKET_BYTES: usize = 2 * 260;
 

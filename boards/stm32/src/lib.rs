@@ -10,6 +10,8 @@
 //! Caches: the instruction cache is on, the Cortex-M7's data cache is always off, so the program sees what DMA and Ethernet write,
 //! in every memory.
 #![no_std]
+// The types of the web interface's futures are deep.
+#![recursion_limit = "256"]
 
 mod clock;
 // Images without it are smaller, see Cargo.toml.

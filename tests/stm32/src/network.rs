@@ -176,6 +176,19 @@ impl Network {
         self.sockets.get::<tcp::Socket<'_>>(client.socket).may_send()
     }
 
+    /// Sends bytes; returns how many there was room for.
+    pub fn send_bytes(&mut self, client: Client, bytes: &[u8]) -> usize {
+        self.sockets.get_mut::<tcp::Socket<'_>>(client.socket).send_slice(bytes).unwrap_or(0)
+    }
+
+    /// Appends the bytes that have come; false: the board has closed the connection, and there are no more.
+    pub fn receive_bytes(&mut self, client: Client, bytes: &mut Vec<u8>) -> bool {
+        let socket = self.sockets.get_mut::<tcp::Socket<'_>>(client.socket);
+        // It has failed when the connection is closed.
+        let _ = socket.recv(|come| (come.len(), bytes.extend_from_slice(come)));
+        socket.may_recv()
+    }
+
     /// Sends a Modbus TCP request.
     pub fn send(&mut self, client: Client, transaction: u16, unit: u8, pdu: &[u8]) {
         let [id_high, id_low] = transaction.to_be_bytes();

@@ -24,6 +24,7 @@ mod settings;
 mod update_file;
 mod updates;
 mod users;
+mod web;
 mod without_ethercat;
 mod ymodem;
 

@@ -114,7 +114,7 @@ fn written(point: &PointSettings, row: RowId, words: &Words, cells: &mut Cells) 
                 Unfit::NoValue => word.expected("a value of the point's type"),
                 // As scales.
                 #[cfg(feature = "long-values")]
-                Unfit::Beyond(low, high) => word.error(Problem::Points(PointProblem::Beyond(low, high))),
+                Unfit::Beyond(range) => word.error(Problem::Points(PointProblem::Beyond(range))),
             })?;
             cells
                 .extend_from_slice(value.get(..2 * usize::from(point.value.registers())).unwrap_or(&[]))

@@ -120,7 +120,7 @@ impl LongType {
             },
         };
         let mut bytes = [0; VALUE_LONGEST];
-        bytes.first_chunk_mut().map(|chunk| *chunk = quad.to_be_bytes());
+        bytes.iter_mut().zip(quad.to_be_bytes()).for_each(|(place, byte)| *place = byte);
         Some(bytes)
     }
 }

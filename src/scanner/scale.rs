@@ -26,8 +26,32 @@ pub struct Scale {
 pub enum Unfit {
     /// It is none of its type.
     NoValue,
-    /// Its raw number is out of range: these are the least and the greatest value.
-    Beyond(Decimal, Decimal),
+    /// Its raw number is out of range.
+    Beyond(Range),
+}
+
+/// The values for raw numbers of some bits.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Range {
+    scale: Scale,
+    bits: u16,
+    is_signed: bool,
+}
+
+impl Range {
+    /// The least and the greatest raw number.
+    fn raw(self) -> (i128, i128) {
+        let above = 1_i128 << if self.is_signed { self.bits - 1 } else { self.bits };
+        (if self.is_signed { -above } else { 0 }, above - 1)
+    }
+}
+
+impl fmt::Display for Range {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (least, greatest) = self.raw();
+        let (low, high) = if self.scale.factor < 0 { (greatest, least) } else { (least, greatest) };
+        write!(f, "{} to {}", self.scale.whole(low), self.scale.whole(high))
+    }
 }
 
 impl Scale {
@@ -121,13 +145,10 @@ impl Scale {
             u64::from_str_radix(digits, 16).ok().map(|raw| Decimal::whole(raw.into()))
         };
         let typed = Decimal::parse(text).or_else(hexadecimal).ok_or(Unfit::NoValue)?;
-        let above = 1_i128 << if is_signed { bits - 1 } else { bits };
-        let (low, high) = (if is_signed { -above } else { 0 }, above - 1);
+        let range = Range { scale: self, bits, is_signed };
+        let (low, high) = range.raw();
         let raw = typed.plus(self.offset().negated()).and_then(|rest| rest.divided(self.factor()));
-        let Some(raw) = raw.filter(|raw| (low..=high).contains(raw)) else {
-            let [low, high] = [low, high].map(|raw| self.whole(raw));
-            return Err(if self.factor < 0 { Unfit::Beyond(high, low) } else { Unfit::Beyond(low, high) });
-        };
+        let raw = raw.filter(|raw| (low..=high).contains(raw)).ok_or(Unfit::Beyond(range))?;
         let mut bytes = [0; VALUE_LONGEST];
         let raw = raw.to_be_bytes();
         let own = raw.get(raw.len() - 2 * usize::from(registers)..).unwrap_or_default();
@@ -143,7 +164,7 @@ impl Scale {
             ValueType::Long(LongType::F64) => (raw.is_finite(), raw.to_bits()),
             _ => ((raw as f32).is_finite(), u64::from((raw as f32).to_bits()) << 32),
         };
-        bytes.first_chunk_mut().map(|chunk| *chunk = raw.to_be_bytes());
+        bytes.iter_mut().zip(raw.to_be_bytes()).for_each(|(place, byte)| *place = byte);
         (fits || !typed.is_finite()).then_some(bytes)
     }
 }

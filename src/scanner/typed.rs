@@ -137,7 +137,7 @@ impl ValueType {
             _ => self.parse_whole(text),
         }?;
         let mut bytes = [0; VALUE_LONGEST];
-        bytes.first_chunk_mut().map(|first| *first = short);
+        bytes.iter_mut().zip(short).for_each(|(place, byte)| *place = byte);
         Some(bytes)
     }
 

@@ -11,9 +11,6 @@ mod api;
 mod calls;
 mod candidate;
 mod commands;
-// An image without captures has none to send.
-#[cfg(feature = "capture")]
-mod frames;
 mod guard;
 mod job;
 mod json;

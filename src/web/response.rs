@@ -10,8 +10,6 @@ use picoserve::io::{Read, Write};
 use picoserve::response::chunked::{ChunkWriter, ChunkedResponse, Chunks, ChunksWritten};
 use picoserve::response::{self, Connection, IntoResponse, ResponseWriter, StatusCode};
 
-#[cfg(feature = "capture")]
-use super::frames;
 use super::job;
 use super::json::Quoted;
 use super::metrics::Metrics;
@@ -231,8 +229,7 @@ impl Chunks for Pieces<'_, '_, '_, '_> {
         let Self { source, content } = self;
         match content {
             Content::Job(running) => job::run(&source, running, &mut writer).await?,
-            #[cfg(feature = "capture")]
-            Content::Frames(token) => frames::send(&source, token, &mut writer).await?,
+            Content::Frames(token) => job::frames(&source, token, &mut writer).await?,
             _ => {}
         }
         loop {

@@ -81,7 +81,7 @@ pub use self::register_bits::{RegisterBit, RegisterBits};
 #[doc(hidden)] // Public for tests/ only.
 pub use self::row::{DeviceId, Reading, Row, RowId, SCAN, Writing};
 #[doc(hidden)] // Public for tests/ only.
-pub use self::scale::{Scale, Unfit};
+pub use self::scale::{Scale, Unfit, ValueRange};
 pub(crate) use self::serve::age_register;
 pub use self::state::ScannerState;
 #[doc(hidden)] // Public for tests/ only.

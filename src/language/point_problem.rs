@@ -3,7 +3,7 @@
 use thiserror::Error;
 
 #[cfg(feature = "long-values")] // As scales.
-use crate::scanner::Range;
+use crate::scanner::ValueRange;
 use crate::scanner::{DEVICES_MAX, VALUE_BYTES_MAX};
 use crate::settings::POINTS_MAX;
 
@@ -89,7 +89,7 @@ pub(crate) enum PointProblem {
     /// A value out of the range of its raw number.
     #[cfg(feature = "long-values")] // As above.
     #[error("expected a value from {0}")]
-    Beyond(Range),
+    Beyond(ValueRange),
     /// Addresses beyond 65535.
     #[error("the cells go beyond address 65535")]
     AddressesEnd,

@@ -27,18 +27,18 @@ pub enum Unfit {
     /// It is none of its type.
     NoValue,
     /// Its raw number is out of range.
-    Beyond(Range),
+    Beyond(ValueRange),
 }
 
 /// The values for raw numbers of some bits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Range {
+pub struct ValueRange {
     scale: Scale,
     bits: u16,
     is_signed: bool,
 }
 
-impl Range {
+impl ValueRange {
     /// The least and the greatest raw number.
     fn raw(self) -> (i128, i128) {
         let above = 1_i128 << if self.is_signed { self.bits - 1 } else { self.bits };
@@ -46,7 +46,7 @@ impl Range {
     }
 }
 
-impl fmt::Display for Range {
+impl fmt::Display for ValueRange {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (least, greatest) = self.raw();
         let (low, high) = if self.scale.factor < 0 { (greatest, least) } else { (least, greatest) };
@@ -145,7 +145,7 @@ impl Scale {
             u64::from_str_radix(digits, 16).ok().map(|raw| Decimal::whole(raw.into()))
         };
         let typed = Decimal::parse(text).or_else(hexadecimal).ok_or(Unfit::NoValue)?;
-        let range = Range { scale: self, bits, is_signed };
+        let range = ValueRange { scale: self, bits, is_signed };
         let (low, high) = range.raw();
         let raw = typed.plus(self.offset().negated()).and_then(|rest| rest.divided(self.factor()));
         let raw = raw.filter(|raw| (low..=high).contains(raw)).ok_or(Unfit::Beyond(range))?;

@@ -30,7 +30,7 @@ impl<'b> Reader<'b> {
 
     /// Takes this token, behind blanks, if it is next.
     pub(super) fn takes(&mut self, token: &str) -> bool {
-        self.rest = self.rest.trim_start_matches(|char| matches!(char, ' ' | '\t' | '\n' | '\r'));
+        self.rest = self.rest.trim_start_matches([' ', '\t', '\n', '\r']);
         let rest = self.rest.strip_prefix(token);
         self.rest = rest.unwrap_or(self.rest);
         rest.is_some()

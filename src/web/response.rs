@@ -176,13 +176,11 @@ impl<'s, 'g> Response<'s, 'g> {
         let Self { status, header, content } = self;
         let mut status = StatusCode::new(*status);
         let mut headers = Vec::<(&str, &str), HEADERS_MAX>::new();
-        // As many as there are.
-        let _ = headers.extend_from_slice(if matches!(content, Content::File(..)) {
-            FILE_HEADERS
-        } else {
-            HEADERS
-        });
-        headers.extend(header.as_ref().map(|(name, value)| (*name, value.as_str())));
+        let always = if matches!(content, Content::File(..)) { FILE_HEADERS } else { HEADERS };
+        // There is room for all of them, here and below.
+        let _ = headers.extend_from_slice(always);
+        let own = header.as_ref().map(|(name, value)| (*name, value.as_str()));
+        let _ = headers.extend_from_slice(own.as_slice());
         let (kind, bytes) = match content {
             Content::Nothing => {
                 let response = response::Response::empty(status).with_headers(&*headers);
@@ -190,7 +188,7 @@ impl<'s, 'g> Response<'s, 'g> {
             }
             Content::Json(text) => ("application/json", text.as_bytes()),
             Content::File(file, is_known) => {
-                headers.extend([("Content-Encoding", "gzip"), ("ETag", file.tag)]);
+                let _ = headers.extend_from_slice(&[("Content-Encoding", "gzip"), ("ETag", file.tag)]);
                 if *is_known {
                     status = StatusCode::NOT_MODIFIED;
                 }

@@ -80,8 +80,10 @@ pub use self::program::{ABANDONED_AFTER, REQUESTERS};
 pub use self::register_bits::{RegisterBit, RegisterBits};
 #[doc(hidden)] // Public for tests/ only.
 pub use self::row::{DeviceId, Reading, Row, RowId, SCAN, Writing};
+#[cfg(feature = "long-values")] // Without, no value is out of such a range.
+pub(crate) use self::scale::ValueRange;
 #[doc(hidden)] // Public for tests/ only.
-pub use self::scale::{Scale, Unfit, ValueRange};
+pub use self::scale::{Scale, Unfit};
 pub(crate) use self::serve::age_register;
 pub use self::state::ScannerState;
 #[doc(hidden)] // Public for tests/ only.

@@ -108,7 +108,7 @@ impl<'t, 'g> Asked<'t, 'g> {
     pub(crate) fn values(&self) -> Option<(u16, Numbers<'_>)> {
         let Question { ask, first, count, value, .. } = self.question;
         let cells = self.pdu.get(2..).unwrap_or_default();
-        let (scale, range) = (Scale::default(), 0..count.into());
+        let (scale, range) = (Scale::NONE, 0..count.into());
         (ask == Ask::Read).then_some((first, Numbers(Values { value, scale, cells, range })))
     }
 }

@@ -112,7 +112,7 @@ impl Question {
         self.shown = range.end;
         let address = usize::from(self.first) + at * usize::from(self.value.registers());
         let cells = session.pdu.get(2..).unwrap_or_default();
-        let values = Values { value: self.value, scale: Scale::default(), cells, range };
+        let values = Values { value: self.value, scale: Scale::NONE, cells, range };
         session.out.line(format_args!("[{address}]{values}"));
         Wait::Sent
     }

@@ -89,7 +89,7 @@ fn parse_point(settings: &mut Settings, words: &Words) -> Result<Changed, Wrong>
         first,
         count: 1,
         value: usual_type(kind),
-        scale: Scale::default(),
+        scale: Scale::NONE,
         label: Label::new(),
     };
     let count_word = options(settings, &mut point, words)?.unwrap_or(address_word);

@@ -18,6 +18,9 @@ pub enum Unfit {
 
 #[allow(missing_docs)] // As what it stands in for.
 impl Scale {
+    /// Values are raw numbers.
+    pub const NONE: Self = Self;
+
     pub(crate) fn write(self, _: &mut fmt::Formatter<'_>) -> fmt::Result {
         Ok(())
     }

@@ -13,7 +13,7 @@ unsafe extern "C" {
 pub(crate) fn behind(mut frame: u32) -> impl Iterator<Item = u32> {
     let end = addr_of!(_stack_start).addr() as u32 - 8;
     from_fn(move || {
-        if frame % 4 != 0 || frame > end {
+        if !frame.is_multiple_of(4) || frame > end {
             return None;
         }
         // SAFETY: both words lie on the stack in use, which any value may be read from: frames begin at that of a function that runs, and

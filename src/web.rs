@@ -29,6 +29,7 @@ mod status;
 #[cfg(test)]
 mod tests;
 mod transport;
+mod untaken;
 mod update;
 
 use core::future::pending;

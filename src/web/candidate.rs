@@ -1,6 +1,7 @@
 //! Applies lines to the candidate, all or none.
 
-use super::lines::{Lines, Untaken};
+use super::lines::Lines;
+use super::untaken::Untaken;
 use crate::gateway::commit::Uncommitted;
 use crate::gateway::{Gateway, reconfigure};
 use crate::language::apply;

@@ -1,6 +1,7 @@
 //! The calls that run a command of the console: `scan`, `tune`, `write` of a point, `explain`; and those of versions and passwords.
 
 use core::fmt::Write;
+use core::future::pending;
 
 use heapless::String;
 
@@ -12,6 +13,7 @@ use super::response::{Content, Response, Text};
 use crate::console::access::{self, Denied, NotBegun, Running};
 use crate::gateway::audit::Topic;
 use crate::gateway::commit::Uncommitted;
+use crate::gateway::direct_request::DirectRequestError;
 use crate::gateway::reconfigure;
 use crate::hal::{Store, System, Update};
 use crate::routing::Decision;
@@ -183,4 +185,27 @@ impl<'a, 'g, S: Store, U: Update, Y: System> Api<'a, 'g, S, U, Y> {
 pub(super) fn failed<'s, 'g>(running: &Running<'_, '_>) -> Response<'s, 'g> {
     let text = running.text().trim();
     Response::error(409, &text.strip_prefix("error: ").unwrap_or(text))
+}
+
+impl Response<'_, '_> {
+    /// Does what must be over before the status can be told. It is done in place, so that there is one response in memory.
+    pub(super) async fn settle(&mut self) {
+        match &mut self.content {
+            Content::Values(asked, _) => match asked.ask().await {
+                Ok(()) => {}
+                Err(DirectRequestError::Broadcast) => *self = Self::json(200, format_args!("{{\"unit\":0}}")),
+                Err(error) => *self = Self::error(409, &error),
+            },
+            Content::Point(running) => {
+                while running.next(pending).await {
+                    if running.has_failed() {
+                        *self = failed(running);
+                        return;
+                    }
+                }
+                *self = Self::done();
+            }
+            _ => {}
+        }
+    }
 }

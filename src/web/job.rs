@@ -1,6 +1,4 @@
-//! Work that takes time: what is done before a response, and what is streamed, the output of `scan` and `tune`, and captured frames as a file.
-
-use core::future::pending;
+//! Responses that take long: the output of `scan` and `tune`, and captured frames as a file.
 
 use embassy_time::{Duration, Instant, Timer};
 use embedded_io_async::{ErrorType, Write};
@@ -8,12 +6,9 @@ use heapless::Vec;
 use picoserve::io::Write as Stream;
 use picoserve::response::chunked::ChunkWriter;
 
-use super::commands::failed;
 use super::piece::{SHORT_BYTES, Source};
-use super::response::{Content, Response};
 use super::session;
 use crate::console::access::Running;
-use crate::gateway::direct_request::DirectRequestError;
 use crate::gateway::web::Token;
 
 /// Bytes of the file that are sent at a time.
@@ -22,29 +17,6 @@ const PIECE_BYTES: usize = SHORT_BYTES;
 const FRAMES_PAUSE: Duration = Duration::from_millis(50);
 /// Longest time without a byte.
 const SIGN_OF_LIFE: Duration = Duration::from_secs(2);
-
-impl Response<'_, '_> {
-    /// Does what must be over before the status can be told. It is done in place, so that there is one response in memory.
-    pub(super) async fn settle(&mut self) {
-        match &mut self.content {
-            Content::Values(asked, _) => match asked.ask().await {
-                Ok(()) => {}
-                Err(DirectRequestError::Broadcast) => *self = Self::json(200, format_args!("{{\"unit\":0}}")),
-                Err(error) => *self = Self::error(409, &error),
-            },
-            Content::Point(running) => {
-                while running.next(pending).await {
-                    if running.has_failed() {
-                        *self = failed(running);
-                        return;
-                    }
-                }
-                *self = Self::done();
-            }
-            _ => {}
-        }
-    }
-}
 
 /// Streams a command's output, including what it has written before, until it or the connection ends.
 pub(super) async fn run<W: Stream>(

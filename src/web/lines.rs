@@ -2,58 +2,21 @@
 
 use core::fmt::Write;
 
-use heapless::{String, Vec};
+use heapless::Vec;
 
 use super::reader::Reader;
+use super::untaken::{Line, Untaken, cut};
 use crate::language::LineError;
 use crate::language::forms::{Shape, forms};
-use crate::settings::LINE_BYTES_MAX;
 
 /// Columns of all forms of a verb.
 const COLUMNS_MAX: usize = 12;
-
-pub(super) type Line = String<LINE_BYTES_MAX>;
-/// The name of a member, which is cut if it is longer than each that is known.
-type Name = String<24>;
 
 /// The lines of a body.
 #[derive(Clone, Copy)]
 pub(super) enum Lines<'b> {
     Text(&'b str),
     Json(&'b str),
-}
-
-/// Why a body was not taken.
-// Passed on once, and there is no heap for the larger one.
-#[allow(clippy::large_enum_variant)]
-#[derive(Debug, PartialEq, Eq, thiserror::Error)]
-pub(super) enum Untaken {
-    /// This line, by its number from 1, has an error.
-    #[error("{2}")]
-    Line(usize, Line, LineError),
-    /// What was expected, and where: bytes from 1.
-    #[error("the body is not as described: expected {0} at byte {1}")]
-    Expected(&'static str, usize),
-    #[error("the body is not as described: there is no \"{0}\"")]
-    Unknown(Name),
-    #[error("the body is not as described: \"{0}\" is missing")]
-    Missing(&'static str),
-    #[error("the body is not as described: \"{0}\" has no words of a line")]
-    NoWords(Name),
-    #[error("\"{0}\" is not one word of its kind")]
-    NotAWord(&'static str),
-    #[error("the request is too long")]
-    TooLong,
-}
-
-impl Untaken {
-    fn too_long() -> Self {
-        Self::Line(0, Line::new(), LineError::too_long())
-    }
-
-    pub(super) fn unknown(name: &str) -> Self {
-        Self::Unknown(cut(name))
-    }
 }
 
 /// Takes a line.
@@ -81,12 +44,6 @@ impl Lines<'_> {
             }
         }
     }
-}
-
-fn cut<const BYTES: usize>(whole: &str) -> String<BYTES> {
-    let mut text = String::new();
-    whole.chars().take_while(|char| text.push(*char).is_ok()).for_each(drop);
-    text
 }
 
 /// The lines that begin with `verb`.

@@ -4,8 +4,8 @@ use core::fmt::Write;
 
 use heapless::String;
 
-use super::lines::Untaken;
 use super::reader::Reader;
+use super::untaken::Untaken;
 use crate::settings::{ClientRole, Name};
 
 /// Fits the line of a request with 128 values, or a quarter of them without `long-requests`.

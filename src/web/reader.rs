@@ -4,7 +4,7 @@ use core::fmt::Write;
 
 use heapless::String;
 
-use super::lines::Untaken;
+use super::untaken::Untaken;
 
 /// Fits the names of all members.
 const NAME_BYTES_MAX: usize = 24;

@@ -8,9 +8,10 @@ use std::sync::LazyLock;
 use proptest::prelude::*;
 use serde_json::{Value, json};
 
-use super::lines::{Lines, Untaken};
+use super::lines::Lines;
 use super::piece::Piece;
 use super::settings::{Schema, Written};
+use super::untaken::Untaken;
 use crate::language::apply;
 use crate::language::tests::properties::any::any_settings;
 use crate::settings::Settings;

@@ -75,22 +75,11 @@ async fn serve(
             store = SharedStore::new(&flash);
         }
     });
-    // An EtherCAT MainDevice may also request a save, and bring new firmware. In an image without EtherCAT this would finish at once, but its code and
-    // memory would remain.
+    // In an image without EtherCAT this would finish at once, but its code and memory would remain.
     #[cfg(feature = "ethercat")]
     let sessions = async {
-        let mut kept = SharedStore::new(&flash);
-        let mut taken = updater();
-        let keep = pin!(gateway().keep_settings(&mut kept));
-        let take = pin!(gateway().take_firmware(&crate::states::FILES, &mut taken, board));
-        embassy_futures::join::join3(keep, take, sessions).await.2
-    };
-    // As its feature.
-    #[cfg(feature = "files")]
-    let sessions = async {
-        let mut store = SharedStore::new(&flash);
-        let files = pin!(console::serve_files(gateway(), &crate::states::FILES, &mut store, board));
-        embassy_futures::join::join(files, sessions).await.1
+        let device = pin!(serve_main_device(board, &flash, updater()));
+        embassy_futures::join::join(device, sessions).await.1
     };
     // As its feature.
     #[cfg(feature = "ssh")]
@@ -105,4 +94,24 @@ async fn serve(
         embassy_futures::join::join(web, sessions).await.1
     };
     embassy_futures::join::join(trial, sessions).await.1
+}
+
+/// Does what an EtherCAT MainDevice requests: a save, new firmware, and files where the image has them.
+#[cfg(feature = "ethercat")] // As what calls it.
+async fn serve_main_device<F: NorFlash>(
+    board: &Board,
+    flash: &Mutex<NoopRawMutex, FlashStore<F>>,
+    mut update: impl mobgate::hal::Update,
+) {
+    let mut store = SharedStore::new(flash);
+    let keep = pin!(gateway().keep_settings(&mut store));
+    let take = pin!(gateway().take_firmware(&crate::states::FILES, &mut update, board));
+    // As its feature.
+    #[cfg(feature = "files")]
+    let take = async {
+        let mut store = SharedStore::new(flash);
+        let files = pin!(console::serve_files(gateway(), &crate::states::FILES, &mut store, board));
+        embassy_futures::join::join(files, take).await;
+    };
+    embassy_futures::join::join(keep, take).await;
 }

@@ -4,7 +4,7 @@ use std::fs;
 use std::os::unix::fs::MetadataExt;
 
 use common::terminal::{Terminal, status};
-use common::{Program, USER, converse, wait_for};
+use common::{Program, USER, converse, free_port, wait_for};
 use openssh_client::{NO_SESSION, OpenSsh, make_key, make_passwords, pipe, run, run_at_once};
 
 mod common;
@@ -113,7 +113,8 @@ fn a_file_that_is_piped_in_is_carried_out_and_its_end_is_that_of_the_session() {
 
 #[test]
 fn an_interactive_session_edits_completes_and_is_as_wide_as_the_terminal() {
-    let gateway = Gateway::start("port P502 tcp server 127.0.0.1:1\nroute P502 1 * * local\n");
+    let more = format!("port P502 tcp server 127.0.0.1:{}\nroute P502 1 * * local\n", free_port());
+    let gateway = Gateway::start(&more);
     let mut terminal = Terminal::new();
     terminal.resize(132);
     let mut command = terminal.run("ssh");

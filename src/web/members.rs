@@ -132,8 +132,16 @@ impl Members {
         let mut line = Line::new();
         let mut written = line.write_str(verb);
         let mut is_missing = false;
+        #[cfg(feature = "long-values")] // As text.
+        let mut has_numbers = false;
         for Member { name, kind, word, .. } in self.known {
             let value = self.get(name).filter(|value| !value.is_empty());
+            #[cfg(feature = "long-values")] // As above.
+            match kind {
+                Kind::Quoted if value.is_some() && has_numbers => return Err(Untaken::Beside(name)),
+                Kind::Numbers => has_numbers = value.is_some(),
+                _ => {}
+            }
             let is_bare = word.is_empty() && matches!(kind, Kind::Number(_));
             if let Some(value) = value {
                 // A number has its place behind another one, also where that is missing.

@@ -29,6 +29,9 @@ pub(super) enum Untaken {
     NoWords(Name),
     #[error("\"{0}\" is not one word of its kind")]
     NotAWord(&'static str),
+    #[error("\"{0}\" is in place of values, not beside them")]
+    #[cfg(feature = "long-values")] // As text.
+    Beside(&'static str),
     #[error("the request is too long")]
     TooLong,
 }

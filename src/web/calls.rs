@@ -51,7 +51,7 @@ pub(super) fn untaken<'s, 'g>(error: &Untaken) -> Response<'s, 'g> {
         Untaken::Line(number, line, error) => Response::wrong_line(Some(*number), line, error),
         Untaken::NotAWord(_) | Untaken::TooLong => Response::error(422, error),
         #[cfg(feature = "long-values")] // As the error.
-        Untaken::Beside(_) => Response::error(422, error),
+        Untaken::NoValue => Response::error(422, error),
         _ => Response::error(400, error),
     }
 }

@@ -127,21 +127,25 @@ impl Members {
         self.get(name) == Some("true")
     }
 
+    /// Fails unless there are either numbers or a text, where both are known.
+    #[cfg(feature = "long-values")] // As text.
+    fn check_text(&self) -> Result<(), Untaken> {
+        let knows_text = self.known.iter().any(|member| matches!(member.kind, Kind::Quoted));
+        let is_there = |member: &&Member| self.get(member.name).is_some_and(|value| !value.is_empty());
+        let of_both = |member: &&Member| matches!(member.kind, Kind::Quoted | Kind::Numbers);
+        let count = self.known.iter().filter(of_both).filter(is_there).count();
+        if knows_text && count != 1 { Err(Untaken::NoValue) } else { Ok(()) }
+    }
+
     /// The line of a verb with these members.
     pub(super) fn line(&self, verb: &str) -> Result<Line, Untaken> {
+        #[cfg(feature = "long-values")] // As text.
+        self.check_text()?;
         let mut line = Line::new();
         let mut written = line.write_str(verb);
         let mut is_missing = false;
-        #[cfg(feature = "long-values")] // As text.
-        let mut has_numbers = false;
         for Member { name, kind, word, .. } in self.known {
             let value = self.get(name).filter(|value| !value.is_empty());
-            #[cfg(feature = "long-values")] // As above.
-            match kind {
-                Kind::Quoted if value.is_some() && has_numbers => return Err(Untaken::Beside(name)),
-                Kind::Numbers => has_numbers = value.is_some(),
-                _ => {}
-            }
             let is_bare = word.is_empty() && matches!(kind, Kind::Number(_));
             if let Some(value) = value {
                 // A number has its place behind another one, also where that is missing.

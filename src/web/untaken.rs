@@ -29,9 +29,9 @@ pub(super) enum Untaken {
     NoWords(Name),
     #[error("\"{0}\" is not one word of its kind")]
     NotAWord(&'static str),
-    #[error("\"{0}\" is in place of values, not beside them")]
+    #[error("expected values, or one as text")]
     #[cfg(feature = "long-values")] // As text.
-    Beside(&'static str),
+    NoValue,
     #[error("the request is too long")]
     TooLong,
 }

@@ -49,12 +49,16 @@ mod layout;
 #[cfg_attr(not(feature = "users"), allow(dead_code))]
 mod log_in;
 mod mode;
+mod network;
 mod output;
 mod point_command;
 // Replaced by stubs in images without data points.
 #[cfg_attr(not(feature = "points"), path = "console/no_points.rs")]
 mod points;
 mod probe;
+// As its topic.
+#[cfg(feature = "mqtt")]
+mod publishers;
 mod registers;
 mod rows;
 mod run;
@@ -70,6 +74,9 @@ mod update;
 mod users;
 mod version;
 mod wait;
+
+#[cfg(feature = "mqtt")] // For publishers, which write points the same way.
+pub(crate) use self::points::order;
 
 use core::future::pending;
 use core::pin::pin;

@@ -59,6 +59,7 @@ const DEBIAN_RUST: By = By::Apt(&["rustc-web", "cargo-web", "rust-web-src", "rus
 const NEEDS: [Need; 40] = [
     by_apt(Group::Peers, "mbpoll", &["mbpoll"]),
     by_apt(Group::Package, "mbpoll", &["mbpoll"]),
+    by_apt(Group::Peers, "mosquitto_sub", &["mosquitto", "mosquitto-clients"]),
     by_apt(Group::Peers, "ssh", &["openssh-client"]),
     by_apt(Group::Peers, "openssl", &["openssl"]),
     by_apt(Group::Peers, "socat", &["socat"]),

@@ -142,6 +142,11 @@ async fn audit_trail() {
 }
 
 #[embassy_executor::task]
+async fn publishers() {
+    GATEWAY.publish(&Connector, |at, out| Some(write!(out, "{:.3}", calendar::date(at)))).await
+}
+
+#[embassy_executor::task]
 async fn capture_into_file() {
     capture::run(&GATEWAY, &CAPTURE_FILE).await
 }
@@ -182,9 +187,7 @@ async fn signals(mut caught: Signals, mut store: FileStore) {
                 Err(fault) => log::error!("{fault}; everything stays as it was"),
             },
             (Caught::Reload, Err(_)) => end("SIGHUP"),
-            (Caught::End(name), _) => {
-                end(name);
-            }
+            (Caught::End(name), _) => end(name),
         }
     }
 }
@@ -353,6 +356,7 @@ fn spawn(
     spawner.spawn(capture_into_file().unwrap());
     spawner.spawn(audit_trail().unwrap());
     spawner.spawn(found_on_the_network().unwrap());
+    spawner.spawn(publishers().unwrap());
     spawner.spawn(certificates().unwrap());
     spawner.spawn(service_manager().unwrap());
     spawner.spawn(commits().unwrap());

@@ -6,7 +6,7 @@ use super::long::VALUE_LONGEST;
 use super::typed::{TypedValue, ValueType};
 
 /// Values are raw numbers.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Scale;
 
 /// Why a text is no value of a point.

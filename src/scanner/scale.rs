@@ -169,12 +169,6 @@ impl Scale {
     }
 }
 
-impl Default for Scale {
-    fn default() -> Self {
-        Self::NONE
-    }
-}
-
 fn settable(number: Decimal) -> Option<(i32, u8)> {
     number.short().filter(|(mantissa, decimals)| DIGITS.contains(mantissa) && *decimals <= DECIMALS_MAX)
 }

@@ -3,7 +3,7 @@
 /// The rooms of each floor, from the lowest up.
 pub(crate) const FLOORS: &[&[&str]] = &[
     // Bytes.
-    &["fmt", "modbus"],
+    &["fmt", "modbus", "mqtt"],
     // Values, words and decisions, without time and without I/O.
     &["scanner", "settings", "language", "routing"],
     // The gateway as an EtherCAT device: what it shares with the gateway.

@@ -14,6 +14,9 @@ mod field;
 // Only the web interface has settings by name.
 #[cfg(feature = "web")]
 pub(crate) mod forms;
+// Only the web interface and publishers write JSON.
+#[cfg(any(feature = "web", feature = "mqtt"))]
+pub(crate) mod json;
 mod line;
 pub(crate) mod listed;
 mod loader;
@@ -38,6 +41,9 @@ mod port_words;
 mod print;
 mod problem;
 mod proof;
+// Only images with publishers have their lines.
+#[cfg(feature = "mqtt")]
+mod publish;
 mod review;
 mod route_words;
 mod servers;

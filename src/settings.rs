@@ -18,6 +18,7 @@ mod policy;
 mod port;
 mod port_limits;
 mod proof;
+mod publisher;
 mod rule;
 mod rules;
 mod serial;
@@ -60,6 +61,10 @@ pub use self::port::{Port, PortKind};
 pub(crate) use self::port_limits::BAUD;
 pub(crate) use self::proof::PROOFS_MAX;
 pub use self::proof::{Proof, Proofs};
+pub(crate) use self::publisher::{MQTT, PUBLISHERS_MAX, Publishers};
+// As what uses it.
+#[cfg(feature = "mqtt")]
+pub(crate) use self::publisher::{Format, Publisher, TopicPrefix, publisher_id};
 pub use self::rule::{Destination, Route, Tag, UnitRange};
 pub use self::rules::Rules;
 pub use self::serial::{

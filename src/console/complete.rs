@@ -76,6 +76,8 @@ pub(super) fn candidates(before: &str, settings: &Settings, each: &mut dyn FnMut
             // As its verb.
             #[cfg(feature = "tls")]
             Offer::Certificates => settings.certificates().iter().for_each(|own| offer(&own.name)),
+            #[cfg(feature = "mqtt")]
+            Offer::Publishers => settings.publishers.iter().for_each(|own| offer(&own.name)),
             Offer::Points => settings.points.iter().for_each(|point| offer(&point.name)),
         }
     }

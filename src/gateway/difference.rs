@@ -12,8 +12,8 @@ use crate::gateway::Gateway;
 use crate::language::{Shown, write_shown_line};
 use crate::scanner::DEVICES_MAX;
 use crate::settings::{
-    AUDIT, CERTIFICATES_MAX, LINE_BYTES_MAX, POINTS_MAX, PORTS_MAX, ROUTES_MAX, SERVERS_MAX, SLAVES_MAX,
-    Settings, USER_KEYS_MAX, USERS_MAX,
+    AUDIT, CERTIFICATES_MAX, LINE_BYTES_MAX, POINTS_MAX, PORTS_MAX, PUBLISHERS_MAX, ROUTES_MAX, SERVERS_MAX,
+    SLAVES_MAX, Settings, USER_KEYS_MAX, USERS_MAX,
 };
 
 /// Lines of settings: network, discovery, syslog and time have one each.
@@ -21,6 +21,7 @@ const LINES_MAX: usize = if AUDIT || cfg!(feature = "candidate") {
     USERS_MAX * (1 + USER_KEYS_MAX)
         + 4
         + CERTIFICATES_MAX
+        + PUBLISHERS_MAX
         + PORTS_MAX
         + SERVERS_MAX
         + ROUTES_MAX

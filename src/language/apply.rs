@@ -47,6 +47,7 @@ fn change(settings: &mut Settings, words: &Words) -> Result<Changed, Wrong> {
         Some(Lack::Points) => Err(verb.error(Problem::NoPoints)),
         Some(Lack::Servers) => Err(verb.error(Problem::NoServers)),
         Some(Lack::Tls) => Err(verb.error(Problem::NoTls)),
+        Some(Lack::Mqtt) => Err(verb.error(Problem::NoMqtt)),
         Some(Lack::Users) => Err(verb.error(Problem::NoUsers)),
         None => run(settings, words),
     }

@@ -12,6 +12,9 @@ use crate::settings::{
     CERTIFICATES_MAX, Certificate, Certificates, FileName, Name, PortKind, Purpose, Settings, Side,
     TlsSettings,
 };
+// As what uses it.
+#[cfg(feature = "mqtt")]
+use crate::settings::Publisher;
 
 keywords!(PURPOSES: Purpose { "own": Own, "clients": Clients, "servers": Servers });
 const PURPOSES_EXPECTED: &str = listed!(PURPOSES);
@@ -85,27 +88,53 @@ fn keep_ports_whole(settings: &mut Settings, old: Certificates, word: Word) -> R
             settings.certificates = old;
             Err(word.error(Problem::CertificateInUse(port)))
         }
-        None => Ok(Changed::Other),
+        None => {
+            #[cfg(feature = "mqtt")]
+            if let Some(publisher) =
+                settings.publishers.iter().find(|other| lacks_of_publisher(settings, other).is_some())
+            {
+                let problem = Problem::CertificatePublishes(publisher.name.clone());
+                settings.certificates = old;
+                return Err(word.error(problem));
+            }
+            Ok(Changed::Other)
+        }
     }
+}
+
+/// What a publisher lacks of the certificates in `settings`.
+// As what uses it.
+#[cfg(feature = "mqtt")]
+pub(crate) fn lacks_of_publisher(settings: &Settings, publisher: &Publisher) -> Option<Problem> {
+    let TlsSettings { certificate, trust, .. } = Some(&publisher.tls).filter(|tls| tls.on)?;
+    let own = certificate.as_ref().and_then(|_| lacks(settings, certificate, Purpose::Own, OWN));
+    own.or_else(|| lacks(settings, trust, Purpose::Servers, SERVERS))
+}
+
+/// The rests of lines that are missing.
+const OWN: &str = "own FILE key FILE";
+const SERVERS: &str = "servers FILE";
+
+/// The problem that no certificate for `purpose`, with this name if there is one, is in `settings`.
+fn lacks(settings: &Settings, name: &Option<Name>, purpose: Purpose, line: &'static str) -> Option<Problem> {
+    let fits = |other: &Certificate| {
+        other.purpose == purpose && name.as_ref().is_none_or(|name| other.name.eq_ignore_ascii_case(name))
+    };
+    let name = || name.clone().unwrap_or_else(|| Name::try_from("NAME").unwrap_or_default());
+    (!settings.certificates.iter().any(fits)).then(|| Problem::NoCertificate { name: name(), line })
 }
 
 /// What a port of this kind lacks of the certificates in `settings`.
 pub(crate) fn lacks_certificate(settings: &Settings, kind: &PortKind) -> Option<Problem> {
     let TlsSettings { certificate, trust, .. } = kind.tls()?;
-    let lacks = |name: &Option<Name>, purpose, line| {
-        let fits = |other: &Certificate| {
-            other.purpose == purpose && name.as_ref().is_none_or(|name| other.name.eq_ignore_ascii_case(name))
-        };
-        let name = || name.clone().unwrap_or_else(|| Name::try_from("NAME").unwrap_or_default());
-        (!settings.certificates.iter().any(fits)).then(|| Problem::NoCertificate { name: name(), line })
-    };
+    let lacks = |name, purpose, line| lacks(settings, name, purpose, line);
     let is_server = kind.side() == Side::Server;
-    let own = || lacks(certificate, Purpose::Own, "own FILE key FILE");
+    let own = || lacks(certificate, Purpose::Own, OWN);
     let own = if is_server || certificate.is_some() { own() } else { None };
     let trusted = || match is_server {
         true if !kind.wants_certificates() => None,
         true => lacks(trust, Purpose::Clients, "clients FILE"),
-        false => lacks(trust, Purpose::Servers, "servers FILE"),
+        false => lacks(trust, Purpose::Servers, SERVERS),
     };
     own.or_else(trusted)
 }

@@ -16,6 +16,9 @@ use super::problem::Problem;
 use super::route_words::route;
 use super::values::{name, number};
 use super::words::{Word, Words, Wrong};
+// As what uses it.
+#[cfg(feature = "mqtt")]
+use super::publish;
 use super::{mdns, own_network, point_checks, point_words, route_words, servers, slaves, users};
 use crate::scanner::POINTS;
 use crate::settings::{
@@ -218,6 +221,9 @@ enum Thing {
     // Left out of images without TLS; also below.
     #[cfg(feature = "tls")]
     Certificate,
+    // As its line; also below.
+    #[cfg(feature = "mqtt")]
+    Publisher,
 }
 
 /// Deletable items.
@@ -234,6 +240,8 @@ const THINGS: &[(&str, Thing)] = &[
     // As its line.
     #[cfg(feature = "tls")]
     ("certificate", Thing::Certificate),
+    #[cfg(feature = "mqtt")]
+    ("publish", Thing::Publisher),
 ];
 const THINGS_EXPECTED: &str = listed!(THINGS);
 const ROUTE: (&str, Thing) = ("route", Thing::Route);
@@ -313,6 +321,8 @@ pub(crate) fn delete(settings: &mut Settings, words: &Words<'_>) -> Result<Chang
         Thing::User => return users::delete_user(settings, words),
         #[cfg(feature = "tls")]
         Thing::Certificate => return certificates::delete_certificate(settings, words),
+        #[cfg(feature = "mqtt")]
+        Thing::Publisher => return publish::delete_publisher(settings, words),
         _ if !POINTS => return Err(words.take().error(Problem::NoPoints)),
         Thing::Slaves => {
             words.end()?;

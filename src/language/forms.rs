@@ -10,6 +10,9 @@ use super::port_kinds::new_port;
 pub(crate) use super::shape::Shape;
 use super::shape::{KIND, Member, NAME};
 use super::words::Words;
+// As its verb.
+#[cfg(feature = "mqtt")]
+use super::publish;
 use super::{own_network, point_options, route_words, servers, slaves};
 use crate::scanner::POINTS;
 use crate::settings::{AUDIT, BAUD, PortKind, SERVERS, SLAVES_MAX, TLS, USERS, UnitPolicy};
@@ -101,6 +104,8 @@ const BEFORE_PORTS: &[Form] = &[
         &[NAME, ("purpose", TEXT), ("file", TEXT)],
         Options::Each(|each| ["key", "revoked"].into_iter().for_each(|word| each(word, TEXT))),
     ),
+    #[cfg(feature = "mqtt")]
+    form("publish", &[NAME, ("protocol", TEXT)], Options::Each(publish::members)),
 ];
 
 /// and after them.

@@ -1,4 +1,4 @@
-//! Prints settings as the lines that recreate them: users, network, discovery, syslog, time, certificates, ports, servers, rules in order, devices, points
+//! Prints settings as the lines that recreate them: users, network, discovery, syslog, time, certificates, publishers, ports, servers, rules in order, devices, points
 //! and slaves.
 
 use core::fmt::{self, Display, Write};
@@ -8,6 +8,9 @@ use heapless::String;
 use super::option::option;
 use super::points::PointWords;
 use super::port_keys::UNIT_KEYS;
+// As what uses it.
+#[cfg(feature = "mqtt")]
+use super::publish::PublisherWords;
 use super::route_words::IDENTIFICATION;
 use super::users::KEY_TYPE;
 use crate::scanner::POINTS;
@@ -67,11 +70,9 @@ pub(crate) fn write_shown_line(
         Some(_) => n - 1,
         None => n,
     };
-    // Images without TLS have none.
-    #[cfg(feature = "tls")]
-    let n = match settings.certificates.get(n) {
-        Some(certificate) => return Some(write!(out, "certificate {certificate}")),
-        None => n - settings.certificates.len(),
+    let n = match write_of_servers(settings, n, shown, out) {
+        Ok(written) => return Some(written),
+        Err(n) => n,
     };
     let ports = || settings.ports.iter().flatten();
     let widest = || ports().map(|port| port.name.len()).max().unwrap_or(0);
@@ -90,6 +91,31 @@ pub(crate) fn write_shown_line(
             }
         }
     }
+}
+
+/// Certificates, then publishers; the number of the line behind them if `n` is none of theirs.
+// Images without TLS, or without publishers, have none.
+#[allow(unused_variables)]
+fn write_of_servers(
+    settings: &Settings,
+    n: usize,
+    shown: Shown,
+    out: &mut dyn Write,
+) -> Result<fmt::Result, usize> {
+    #[cfg(feature = "tls")]
+    let n = match settings.certificates.get(n) {
+        Some(certificate) => return Ok(write!(out, "certificate {certificate}")),
+        None => n - settings.certificates.len(),
+    };
+    #[cfg(feature = "mqtt")]
+    let n = match settings.publishers.get(n) {
+        Some(publisher) => {
+            let secrets = shown == Shown::WithSecrets;
+            return Ok(write!(out, "publish {}", PublisherWords { publisher, secrets }));
+        }
+        None => n - settings.publishers.len(),
+    };
+    Err(n)
 }
 
 /// Users, each with the public keys behind; the number of the line behind them if `n` is none of theirs.

@@ -205,6 +205,22 @@ pub(crate) enum Problem {
     #[cfg(feature = "tls")]
     #[error("{0} {verb} it with a role; clients have one with tls only", verb = .0.verb("names", "name"))]
     RulesNeedTls(Rules),
+    /// The feature `mqtt` is off.
+    #[error("this board publishes nothing")]
+    NoMqtt,
+    /// There is no room for another publisher.
+    // Left out of images without the feature; also below.
+    #[cfg(feature = "mqtt")]
+    #[error("there are {0} publishers already, the maximum")]
+    PublishersFull(usize),
+    /// There is no publisher of this name.
+    #[cfg(feature = "mqtt")]
+    #[error("there is no publisher of this name")]
+    NoSuchPublisher,
+    /// A publisher needs the certificate as it is.
+    #[cfg(all(feature = "tls", feature = "mqtt"))]
+    #[error("publisher {0} needs it: delete or change its line first")]
+    CertificatePublishes(Name),
     /// The feature `users` is off.
     #[error("this board has no users: its console is local")]
     NoUsers,

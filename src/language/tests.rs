@@ -13,6 +13,9 @@ mod no_points;
 #[cfg(not(feature = "tls"))]
 mod no_tls;
 pub(crate) mod properties;
+// As its lines.
+#[cfg(feature = "mqtt")]
+mod publishers;
 mod rules;
 mod texts;
 // And only one that was built with them has slaves.

@@ -10,8 +10,8 @@ use super::problem::Problem;
 use super::values::named;
 use super::words::{Word, Words, Wrong};
 use crate::settings::{
-    Name, PATHS, PUBLIC_KEY_BYTES, PasswordHash, PublicKey, Role, SSH, Settings, USER_KEYS_MAX, USERS_MAX,
-    User,
+    MQTT, Name, PATHS, PUBLIC_KEY_BYTES, PasswordHash, PublicKey, Role, SSH, Settings, USER_KEYS_MAX,
+    USERS_MAX, User,
 };
 
 pub(crate) const ROLES: &[(&str, Role)] =
@@ -142,7 +142,7 @@ fn is_hash(text: &str) -> bool {
         && parts.next().is_none()
 }
 
-/// A valid line of settings as it was typed, without the hash of a password and without a comment, which may be anything.
+/// A valid line of settings as it was typed, without a password or its hash and without a comment, which may be anything.
 pub(crate) struct WithoutSecrets<'l>(pub(crate) &'l str);
 
 /// `user NAME role ROLE password`
@@ -151,9 +151,15 @@ const USER_WORDS: usize = 5;
 impl Display for WithoutSecrets<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let words = Words::new(self.0);
+        let verb = words.peek().text;
         let shown = if words.peek().is("user") { USER_WORDS } else { usize::MAX };
+        let mut before = "";
         for nth in 0..shown {
+            if is_secret(verb, before) {
+                words.take_quoted();
+            }
             let word = words.take();
+            before = word.text;
             if word.is_end() {
                 break;
             }
@@ -168,6 +174,11 @@ impl Display for WithoutSecrets<'_> {
         }
         Ok(())
     }
+}
+
+/// Whether the word behind `before` is the password in the line of a publisher.
+fn is_secret(verb: &str, before: &str) -> bool {
+    MQTT && verb.eq_ignore_ascii_case("publish") && before.eq_ignore_ascii_case("password")
 }
 
 /// The words after `user`, without the password.

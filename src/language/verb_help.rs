@@ -113,6 +113,28 @@ delete slaves\tall of them
 ",
     #[cfg(feature = "tls")]
     "delete certificate NAME\n",
+    #[cfg(feature = "mqtt")]
+    "delete publish NAME\n",
     #[cfg(feature = "users")]
     "delete user NAME\n",
+]);
+
+/// The help of `publish`.
+// As its verb.
+#[cfg(feature = "mqtt")]
+pub(super) const PUBLISH: &str = joined!(&[
+    "publish NAME mqtt broker ADDRESS[:PORT] ...\tdata points by MQTT
+publish NAME mqtt broker ADDRESS[:PORT] [OPTION]...
+  OPTION: version 3.1.1|5, user NAME, password \"TEXT\", topic PREFIX,
+          every T, format json|homeassistant, commands on|off",
+    #[cfg(feature = "tls")]
+    ",\n          tls, trust NAME, certificate NAME",
+    "
+  Points go to PREFIX/points/POINT when they change, and every T (60s);
+  units that go down or recover to PREFIX/alarms; PREFIX/NAME/status is
+  online or offline. PREFIX: mobgate, unless given.
+  commands on: a message to PREFIX/points/POINT/set writes the point, and
+  the result comes to PREFIX/points/POINT/result.
+  PORT: 1883, by TLS 8883. show publishers: how each one does.
+  publish plant mqtt broker 192.168.1.9 topic plant/cabinet-7"
 ]);

@@ -6,6 +6,9 @@ use super::changes::{self, Change, option_words};
 // As its verb.
 #[cfg(feature = "tls")]
 use super::certificates;
+// As its verb.
+#[cfg(feature = "mqtt")]
+use super::publish;
 use super::{mdns, own_network, point_words, servers, slaves, users, verb_help};
 // As its verb.
 #[cfg(feature = "audit")]
@@ -52,6 +55,9 @@ pub(crate) enum Offer {
     // Images without TLS have none.
     #[cfg(feature = "tls")]
     Certificates,
+    // As their verb.
+    #[cfg(feature = "mqtt")]
+    Publishers,
 }
 
 /// A part of the gateway that some images lack.
@@ -63,6 +69,9 @@ pub(crate) enum Lack {
     // Those with TLS do not lack it.
     #[cfg_attr(feature = "tls", allow(dead_code))]
     Tls,
+    // Likewise.
+    #[cfg_attr(feature = "mqtt", allow(dead_code))]
+    Mqtt,
 }
 
 impl<Run: Copy> Verb<Run> {
@@ -215,6 +224,7 @@ ntp off\tasks nobody
         .then(&[Offer::Words(&["off"])], &[]),
     ),
     ("certificate", CERTIFICATE),
+    ("publish", PUBLISH),
     ("user", verb(USER_HELP, users::user).then(USERS_OFFERED, ROLES_OFFERED).of_users(changes::absent)),
 ];
 
@@ -252,6 +262,13 @@ certificate NAME servers FILE [revoked FILE]\tauthorities of servers, or the
     certificates::certificate,
 )
 .then(&[Offer::Certificates], &[Offer::Each(|each| certificates::keywords().for_each(each))]);
+
+#[cfg(not(feature = "mqtt"))] // Its lines are refused.
+const PUBLISH: Verb<Change> =
+    Verb { lacks: Some(Lack::Mqtt), ..verb("this board publishes nothing", changes::absent) };
+#[cfg(feature = "mqtt")]
+const PUBLISH: Verb<Change> = verb(verb_help::PUBLISH, publish::publish)
+    .then(&[Offer::Publishers], &[Offer::Each(|each| publish::keywords().for_each(each))]);
 
 const SERVER: Verb<Change> = match SERVERS {
     true => verb(

@@ -6,6 +6,9 @@ use crate::settings::{
     EthercatSettings, Framing, LineSettings, Mdns, OwnNetwork, PortId, PortKind, SERVERS, SerialSettings,
     ServerAddress, ServerSettings, Settings, Side, StreamFraming, canonical,
 };
+// As what uses it.
+#[cfg(feature = "tls")]
+use crate::settings::{PORTS_MAX, TlsSettings};
 
 impl Settings {
     /// The settings of the EtherCAT port, if there is one.
@@ -55,6 +58,16 @@ impl Settings {
         }
         let (_, server) = self.servers_of(id).find(|(_, server)| server.units.contains(unit))?;
         Some((&server.at, server.tag.apply(unit)?))
+    }
+
+    /// The TLS settings of the port or publisher at `id`, if it speaks TLS; publishers have ids behind those of ports.
+    // Left out of images without TLS.
+    #[cfg(feature = "tls")]
+    pub fn tls(&self, id: PortId) -> Option<&TlsSettings> {
+        match id.index().checked_sub(PORTS_MAX) {
+            Some(nth) => self.publishers.get(nth).map(|publisher| &publisher.tls).filter(|tls| tls.on),
+            None => self.port(id)?.kind.tls(),
+        }
     }
 
     /// The mDNS name of the gateway: `own` unless the settings have one; `None` if mDNS is off.

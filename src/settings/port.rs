@@ -76,7 +76,7 @@ impl PortKind {
     /// The certificates, if the port speaks TLS.
     // Left out of images without TLS.
     #[cfg(feature = "tls")]
-    pub fn tls(&self) -> Option<&TlsSettings> {
+    pub(crate) fn tls(&self) -> Option<&TlsSettings> {
         let tls = match self {
             Self::TcpServer(server) => &server.tls,
             Self::TcpClient(client) => &client.tls,

@@ -7,7 +7,7 @@ use crate::scanner::DEVICES_MAX;
 use crate::settings::USERS;
 use crate::settings::{
     Certificate, Certificates, Destination, DeviceSettings, Mdns, NtpServers, OwnNetwork, POINTS_MAX,
-    PORTS_MAX, PointSettings, Port, PortId, PortKind, ROUTES_MAX, Route, SERVERS_MAX, SLAVES_MAX,
+    PORTS_MAX, PointSettings, Port, PortId, PortKind, Publishers, ROUTES_MAX, Route, SERVERS_MAX, SLAVES_MAX,
     ServerAddress, ServerSettings, SlaveSettings, Syslog, Syslogs, TcpServerSettings, User, Users,
 };
 
@@ -24,6 +24,8 @@ pub struct Settings {
     pub(crate) ntp: NtpServers,
     /// The certificates of ports with TLS.
     pub(crate) certificates: Certificates,
+    /// The brokers that get the data points.
+    pub(crate) publishers: Publishers,
     /// The ports; a port keeps its index when others are added or deleted.
     pub ports: [Option<Port>; PORTS_MAX],
     /// The servers of TCP clients that have several.
@@ -48,6 +50,7 @@ impl Settings {
             syslog: Vec::new(),
             ntp: Vec::new(),
             certificates: Vec::new(),
+            publishers: Vec::new(),
             ports: [const { None }; PORTS_MAX],
             servers: Vec::new(),
             routes: Vec::new(),
@@ -65,6 +68,7 @@ impl Settings {
         self.syslog.clear();
         self.ntp.clear();
         self.certificates.clear();
+        self.publishers.clear();
         self.ports.iter_mut().for_each(|port| *port = None);
         self.servers.clear();
         self.routes.clear();
@@ -187,6 +191,7 @@ impl Clone for Settings {
             syslog,
             ntp,
             certificates,
+            publishers,
             ports,
             servers,
             routes,
@@ -201,6 +206,7 @@ impl Clone for Settings {
         copy_list(&mut self.syslog, syslog);
         copy_list(&mut self.ntp, ntp);
         copy_list(&mut self.certificates, certificates);
+        copy_list(&mut self.publishers, publishers);
         copy_list(&mut self.servers, servers);
         copy_list(&mut self.routes, routes);
         copy_list(&mut self.devices, devices);
@@ -219,6 +225,7 @@ impl PartialEq for Settings {
             syslog,
             ntp,
             certificates,
+            publishers,
             ports,
             servers,
             routes,
@@ -233,6 +240,7 @@ impl PartialEq for Settings {
             && same_list(syslog, &other.syslog)
             && same_list(ntp, &other.ntp)
             && same_list(certificates, &other.certificates)
+            && same_list(publishers, &other.publishers)
             && same_list(servers, &other.servers)
             && same_list(routes, &other.routes)
             && same_list(devices, &other.devices)

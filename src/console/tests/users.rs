@@ -78,7 +78,7 @@ const ALLOWED: [(&str, &str); 3] = [
     (
         "engineer",
         "port server route device point slave edit insert move delete network mdns syslog ntp certificate \
-         user scan tune capture password save load update reboot candidate commit rollback versions discard",
+         publish user scan tune capture password save load update reboot candidate commit rollback versions discard",
     ),
 ];
 

@@ -189,6 +189,39 @@ fn any_certificates() -> impl Iterator<Item = Certificate> {
     purposes.into_iter().enumerate().filter(|_| TLS).map(certificate)
 }
 
+fn any_publishers() -> impl Strategy<Value = Vec<Publisher>> {
+    let tls =
+        (any::<bool>(), any::<bool>(), any::<bool>()).prop_map(|(on, certificate, trust)| TlsSettings {
+            on: on && TLS,
+            certificate: (on && TLS && certificate).then(|| any_name(0)),
+            trust: (on && TLS && trust).then(|| any_name(2)),
+        });
+    let user = prop::option::of(("[!$-~][!-~]{0,62}", prop::option::of("[ !#-~é]{1,60}")));
+    let version = prop_oneof![Just(crate::mqtt::Version::V3), Just(crate::mqtt::Version::V5)];
+    let format = prop_oneof![Just(Format::Json), Just(Format::HomeAssistant)];
+    let topic = "[a-zA-Z0-9._-]{1,15}(/[a-zA-Z0-9._-]{1,15})?";
+    let publisher = (any_address(), version, tls, user, topic, 1..=86_400_u64, format, any::<bool>());
+    prop::collection::vec(publisher, 0..=PUBLISHERS_MAX).prop_map(|publishers| {
+        let made = publishers.into_iter().enumerate();
+        made.map(|(nth, (broker, version, tls, user, topic, every, format, commands))| {
+            let (user, password) = user.unwrap_or_default();
+            Publisher {
+                name: any_name(nth),
+                broker,
+                version,
+                tls,
+                user: user.replace([',', '"'], "_").as_str().try_into().unwrap(),
+                password: password.unwrap_or_default().as_str().try_into().unwrap(),
+                topic: topic.as_str().try_into().unwrap(),
+                every: embassy_time::Duration::from_secs(every),
+                format,
+                commands,
+            }
+        })
+        .collect()
+    })
+}
+
 /// A name that no other has.
 fn any_name(nth: usize) -> Name {
     Name::try_from(std::format!("user.{nth}").as_str()).unwrap()
@@ -203,9 +236,9 @@ pub(crate) fn any_settings() -> impl Strategy<Value = Box<Settings>> {
             let slaves = prop::collection::vec(any_slave(), 0..=most);
             let routes = prop::collection::vec(any_route(ports.clone()), 0..=ROUTES_MAX);
             let servers = any_servers(&ports);
-            (any_network(), any_mdns(), Just(ports), servers, routes, slaves, any_users())
+            (any_network(), any_mdns(), Just(ports), servers, routes, slaves, any_users(), any_publishers())
         })
-        .prop_map(|(network, mdns, ports, servers, routes, slaves, users)| {
+        .prop_map(|(network, mdns, ports, servers, routes, slaves, users, publishers)| {
             let mut settings = Box::new(Settings { network, mdns, ..Settings::new() });
             for (slot, port) in settings.ports.iter_mut().zip(ports) {
                 *slot = Some(port);
@@ -218,6 +251,7 @@ pub(crate) fn any_settings() -> impl Strategy<Value = Box<Settings>> {
             }
             settings.slaves.extend(slaves);
             settings.users.extend(users);
+            settings.publishers.extend(publishers);
             settings.certificates.extend(any_certificates());
             settings
         })

@@ -52,14 +52,22 @@ mod layout;
 #[cfg_attr(not(feature = "users"), allow(dead_code))]
 mod log_in;
 mod mode;
+mod network;
 mod output;
 #[cfg(feature = "points")] // Without them there are no such commands.
 mod point_ask;
 mod point_command;
+#[cfg(feature = "mqtt")] // Only publishers have messages.
+mod point_message;
+#[cfg(feature = "points")] // As `point_ask`.
+mod point_order;
 // Replaced by stubs in images without data points.
 #[cfg_attr(not(feature = "points"), path = "console/no_points.rs")]
 mod points;
 mod probe;
+// As its topic.
+#[cfg(feature = "mqtt")]
+mod publishers;
 mod registers;
 mod rows;
 mod run;
@@ -73,8 +81,16 @@ mod tests;
 mod tune;
 mod update;
 mod users;
+mod values;
 mod version;
 mod wait;
+
+#[cfg(feature = "mqtt")] // For publishers, which write points the same way.
+pub(crate) use self::point_message::{Refusal, write_point};
+#[cfg(feature = "mqtt")] // Likewise.
+pub(crate) use self::point_order::settled;
+#[cfg(feature = "mqtt")] // Likewise.
+pub(crate) use self::values::Values;
 
 use core::future::pending;
 use core::pin::pin;

@@ -17,7 +17,7 @@ use crate::fieldbus::EthercatState;
 use crate::frame::{Channel, Envelope, Frame, FramePool, FrameWriter, Origin, ReplyTo, Stage};
 use crate::modbus::Exception;
 use crate::scanner::{POINTS, ScannerState};
-use crate::settings::{AUDIT, ClientRole, OwnNetwork, PortId, Settings};
+use crate::settings::{AUDIT, OwnNetwork, PUBLISHERS_MAX, PortId, Settings};
 use crate::stats::Log;
 
 mod apply;
@@ -28,6 +28,7 @@ mod calendar;
 #[cfg_attr(not(feature = "candidate"), path = "gateway/no_candidate.rs")]
 mod candidate;
 mod check;
+mod client_role;
 // Without a candidate nothing is committed.
 #[cfg(feature = "candidate")]
 pub(crate) mod commit;
@@ -57,6 +58,7 @@ pub(crate) mod log_in;
 pub mod outstanding;
 mod points;
 mod port_state;
+pub(crate) mod publishers;
 pub mod reconfigure;
 #[doc(hidden)] // Public for tests/ only.
 pub mod response_times;
@@ -83,6 +85,7 @@ use self::events::Events;
 use self::log_in::Attempts;
 use self::port_state::ServerState;
 pub use self::port_state::{PortAt, PortState, Ports, Status};
+use self::publishers::state::{PublisherState, PublisherStates};
 use self::shared::{Draft, Shared};
 use self::socket::Socket;
 use self::turns::Turns;
@@ -126,6 +129,7 @@ pub struct Gateway<'g> {
     audit: [Audit; AUDIT as usize],
     audit_memory: Option<&'g AuditMemory>,
     calendar: [Calendar; AUDIT as usize],
+    publishers: PublisherStates,
     // As its module.
     #[cfg(feature = "web")]
     pub(crate) web: Web,
@@ -169,6 +173,7 @@ impl<'g> Gateway<'g> {
             audit: [const { Audit::new() }; AUDIT as usize],
             audit_memory: None,
             calendar: [const { Calendar::new() }; AUDIT as usize],
+            publishers: [const { PublisherState::new() }; PUBLISHERS_MAX],
             #[cfg(feature = "web")]
             web: Web::new(),
             scanner: None,
@@ -334,16 +339,6 @@ impl<'g> Gateway<'g> {
     /// The same, filled with a complete PDU.
     pub(crate) fn fill_for_port(&self, id: PortId, pdu: &[u8], envelope: Envelope) -> Option<Frame<'g>> {
         self.pool.fill(self.connections.len() + id.index(), pdu, envelope)
-    }
-
-    /// The role of the client that `origin` names; none once another client has its connection.
-    pub(crate) fn client_role(&self, origin: Origin) -> ClientRole {
-        let ReplyTo::Connection(connection) = origin.reply_to else { return ClientRole::NONE };
-        let role = |client: &mut ConnectionState| {
-            Some(client.role).filter(|_| client.generation == origin.generation)
-        };
-        let connection = self.connections.get(usize::from(connection));
-        connection.and_then(|connection| connection.update(role)).unwrap_or(ClientRole::NONE)
     }
 
     /// Whether the requester at `origin` is gone.

@@ -75,7 +75,7 @@
 //! | [`scanner::ROWS_MAX`] | 136 | the four tables of each device, and some ranges that take two frames |
 //! | [`scanner::VALUE_BYTES_MAX`] | 4096, without `long-images` 2048 | values of all rows: the longest image each way, and as much again as 1 KiB |
 //! | `settings::POINTS_MAX` | 128, small: 64 | data points in the settings and in the draft shared by all consoles |
-//! | `settings::PUBLISHERS_MAX` | 2, without `mqtt` none | each takes 30 KiB for what is not acknowledged yet and the state of each point |
+//! | `settings::PUBLISHERS_MAX` | 2, without `mqtt` none | each takes 50 KiB for what is not acknowledged yet and the state of each point |
 //! | [`capture::FRAMES_MAX`] | 64, of 2048 bytes together; small: half | frames in `show frames` |
 //! | frames, TCP connections | the board's | memory; a connection always has one frame reserved |
 #![no_std]

@@ -25,9 +25,9 @@ pub(crate) enum Version {
     V5,
 }
 
-/// Longest packet that is sent, in bytes: the description of a point for Home Assistant, or 125 registers as text.
+/// Longest packet that is sent, in bytes: the values of a point of 2000 bits, or of 125 registers with a scale.
 #[cfg(feature = "mqtt")]
-pub(crate) const PACKET_BYTES_MAX: usize = 1536;
+pub(crate) const PACKET_BYTES_MAX: usize = 4608;
 /// Longest packet that is taken, in bytes; a longer one is passed over.
 #[cfg(feature = "mqtt")]
 pub(crate) const RECEIVED_BYTES_MAX: usize = 1024;

@@ -12,17 +12,17 @@ use super::command::commands;
 use super::explain::Explained;
 pub(crate) use super::log_in::Denied;
 pub(crate) use super::output::Written;
-use super::rows::Values;
 pub(crate) use super::show::Show;
 use super::show::write;
 use super::table::Source;
+use super::values::Values;
 use crate::gateway::Gateway;
 use crate::gateway::direct_request::{DirectRequestError, Turn};
 use crate::hal::System;
 use crate::language::{LineError, Words, Wrong};
 use crate::modbus::Exception;
 use crate::modbus::pdu::EXCEPTION_BIT;
-use crate::scanner::{Pdu, RowId, Scale, TypedValue};
+use crate::scanner::{Pdu, RowId, Scale};
 use crate::settings::{PointAt, Role, Settings};
 
 /// Writes the row at `place` of a table: at place 0 the heading. Cells are separated by tabs.
@@ -121,12 +121,7 @@ impl Display for Numbers<'_> {
         f.write_str("[")?;
         for nth in self.0.range.clone() {
             f.write_str(if nth > 0 { "," } else { "" })?;
-            match self.0.get(nth) {
-                Some(TypedValue::Long(value)) => value.write_json(f)?,
-                Some(TypedValue::Fraction(value)) if !value.is_finite() => f.write_str("null")?,
-                Some(value) => value.fmt(f)?,
-                None => f.write_str("null")?,
-            }
+            self.0.write_json(nth, f)?;
         }
         f.write_str("]")
     }

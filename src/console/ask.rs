@@ -3,8 +3,9 @@
 use embassy_time::Duration;
 
 use super::probe::harmless;
-use super::rows::{LINE_VALUES_MAX, Values};
+use super::rows::LINE_VALUES_MAX;
 use super::session::Session;
+use super::values::Values;
 use super::wait::{Begun, Wait, WaitEvent};
 use crate::language::listed::joined;
 use crate::language::{

@@ -8,16 +8,16 @@ use super::layout::{self, Columns, Layout};
 use super::output::{NO_ROW, Written};
 use super::point_ask::{Ask, Cells, parse};
 use super::point_command::PointCommand;
-use super::rows::{LINE_VALUES_MAX, Values, age, text};
+use super::point_order::{order, settled};
+use super::rows::{LINE_VALUES_MAX, age, text};
 use super::session::Session;
 use super::table::{Source, titled};
+use super::values::Values;
 use super::wait::{Begun, Wait, WaitEvent};
 use crate::gateway::ApplyError;
 use crate::language::Words;
 use crate::modbus::crc::crc16;
-use crate::scanner::{
-    DeviceId, DeviceStatus, Modicon, Refused, RowId, Scanner, ScannerState, Status, Writing,
-};
+use crate::scanner::{DeviceId, DeviceStatus, Modicon, RowId, ScannerState, Writing};
 use crate::settings::{POINTS_MAX, PointAt, PointSettings, Settings, Time};
 
 /// Time limit of a command.
@@ -31,6 +31,7 @@ const DEVICES: &str = "DEVICE\tUNIT\tREQUESTS\tRESPONSES\tEXCEPTIONS\tFAILURES\t
 /// Columns of the tables without the last ones.
 pub(super) const COLUMNS: Columns = &[15, 15, 8, -6, -7];
 pub(super) const DEVICE_COLUMNS: Columns = &[15, -4, -10, -10, -10, -10, -9];
+
 /// Shows points.
 // One per session.
 #[allow(clippy::large_enum_variant)]
@@ -245,42 +246,5 @@ impl fmt::Display for DeviceRow<'_> {
             Some(error) => write!(f, ", last error: {}", error.name()),
             None => Ok(()),
         }
-    }
-}
-
-/// Whether the row's command is done; `false`: it cannot be sent for some time; `None`: not known yet.
-fn settled(state: &ScannerState, row: RowId, give_up: Instant) -> Option<bool> {
-    let waits = Status::IN_PROGRESS.with(Status::READ_MARKED).with(Status::WRITE_MARKED);
-    let now = Instant::now();
-    let status = state.with(|scanner| scanner.status(row, now));
-    let idle = !status.any(waits) || status.any(Status::WRITE_BLOCKED);
-    (idle || status.any(Status::BACKING_OFF) || now >= give_up).then_some(idle)
-}
-
-/// Passes the command to the scanner.
-fn order(
-    scanner: &mut Scanner,
-    command: PointCommand,
-    ask: &Ask,
-    cells: &[u8],
-    now: Instant,
-) -> Result<(), Refused> {
-    match ask {
-        Ask::Range { device, function, first, last } => {
-            scanner.mark_range(*device, *function, *first, *last, now).map(|_| ())
-        }
-        Ask::Put { row, first, count } => {
-            scanner.put(*row, *first, *count, cells, now)?;
-            // A typed write is sent even if it changes nothing.
-            let sent = scanner.row(*row).is_none_or(|row| row.device.is_none() || row.write.is_auto());
-            let blocked = scanner.status(*row, now).any(Status::WRITE_BLOCKED);
-            if sent || blocked { Ok(()) } else { scanner.write(*row) }
-        }
-        Ask::Row(row) => match command {
-            PointCommand::Read | PointCommand::Mark => scanner.read(*row, now),
-            PointCommand::Write => scanner.write(*row),
-            PointCommand::Begin => scanner.begin(*row, now),
-            PointCommand::Finish => scanner.finish(*row),
-        },
     }
 }

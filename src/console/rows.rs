@@ -1,7 +1,6 @@
 //! Texts in the rows of tables.
 
 use core::fmt;
-use core::ops::Range;
 
 use embassy_time::{Duration, Instant};
 use heapless::String;
@@ -10,7 +9,6 @@ use crate::capture::FrameKind;
 use crate::gateway::unit_health::{State, Unit};
 use crate::gateway::{Gateway, Status};
 use crate::routing::is_implied;
-use crate::scanner::{Scale, TypedValue, ValueType};
 use crate::settings::{DEVICE_BYTES_MAX, Policy, PortId, Route, Settings, Time};
 use crate::stats::{LogEntry, Outcome};
 
@@ -40,40 +38,6 @@ pub(super) fn port_name(gateway: &Gateway<'_>, port: PortId) -> Cell {
 
 /// Values in a line of output.
 pub(super) const LINE_VALUES_MAX: usize = 8;
-
-/// A range of the values in `cells`, each after a blank.
-pub(super) struct Values<'v> {
-    pub(super) value: ValueType,
-    pub(super) scale: Scale,
-    /// As in memory: bits from the lowest on, registers with the high byte first.
-    pub(super) cells: &'v [u8],
-    pub(super) range: Range<usize>,
-}
-
-impl<'v> Values<'v> {
-    /// Value number `nth`.
-    pub(super) fn get(&self, nth: usize) -> Option<TypedValue<'v>> {
-        if self.value == ValueType::Bit {
-            let bit = self.cells.get(nth / 8).is_some_and(|byte| byte >> (nth % 8) & 1 == 1);
-            return Some(TypedValue::Whole(bit.into()));
-        }
-        let at = 2 * usize::from(self.value.registers()) * nth;
-        let raw = self.value.take(self.cells.get(at..).unwrap_or_default())?;
-        Some(self.scale.apply(raw))
-    }
-}
-
-impl fmt::Display for Values<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        for nth in self.range.clone() {
-            match self.get(nth) {
-                Some(value) => write!(f, " {value}")?,
-                None => f.write_str(" ?")?,
-            }
-        }
-        Ok(())
-    }
-}
 
 /// The time since `then` in whole seconds.
 pub(super) fn age(then: Instant, now: Instant) -> Cell {

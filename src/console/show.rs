@@ -14,10 +14,13 @@ use super::details;
 use super::diff;
 use super::layout::{self, Columns, Layout};
 use super::log_in::Denied;
+use super::network::network;
 use super::output::{NO_ROW, Nowhere, Output, Written};
 use super::points;
+#[cfg(feature = "mqtt")] // As the topic.
+use super::publishers;
 use super::registers;
-use super::rows::{LineErrors, LogRow, Row, StatusText, age, cell, describe_unit, text, took};
+use super::rows::{LineErrors, LogRow, Row, StatusText, age, cell, describe_unit, took};
 use super::session::Session;
 use super::table::{Source, titled};
 use super::users;
@@ -26,10 +29,10 @@ use super::wait::Wait;
 use crate::fieldbus::{Controller, EthercatState, LineWriter};
 use crate::gateway::Gateway;
 use crate::gateway::unit_health::{UNITS_MAX, Unit};
-use crate::hal::{NetworkState, System};
+use crate::hal::System;
 use crate::language::listed::listed;
 use crate::language::{Shown, Words, Wrong, write_shown_line};
-use crate::settings::{self, Endpoint, PortKind, Role, SERVERS, ServerSettings, Settings, Side, TLS};
+use crate::settings::{self, Endpoint, PortKind, Role, SERVERS, ServerSettings, Side, TLS};
 use crate::stats::{Event, LOG_ENTRIES_MAX, LastError};
 
 /// The topics of `show`.
@@ -54,6 +57,9 @@ pub(crate) enum Show {
     // Images without TLS have no certificates.
     #[cfg(feature = "tls")]
     Certificates,
+    // As its line.
+    #[cfg(feature = "mqtt")]
+    Publishers,
     // Left out of images without a candidate.
     #[cfg(feature = "candidate")]
     Candidate,
@@ -90,6 +96,8 @@ pub(super) const TOPICS: &[(&str, (Show, &str))] = &[
     ("audit", (Show::Audit, "who changed what, from where, and what was refused")),
     #[cfg(feature = "tls")]
     ("certificates", (Show::Certificates, "those of tls: whose, and until when")),
+    #[cfg(feature = "mqtt")]
+    ("publishers", (Show::Publishers, "the brokers that get the data points")),
     ("config", (Show::Config, "the settings as lines; config secrets: with hashes")),
     #[cfg(feature = "candidate")]
     ("candidate", (Show::Candidate, "what commit would put in force")),
@@ -191,6 +199,8 @@ pub(super) fn write(
         Show::Audit => audit::row(source, system, place, out),
         #[cfg(feature = "tls")]
         Show::Certificates => certificates::row(source, system, place, out),
+        #[cfg(feature = "mqtt")]
+        Show::Publishers => table(publishers::HEAD, publishers::row, out),
         Show::Config => write_shown_line(source.settings, place, Shown::WithoutSecrets, out),
         Show::Secrets => write_shown_line(source.settings, place, Shown::WithSecrets, out),
         #[cfg(feature = "candidate")]
@@ -223,6 +233,8 @@ const fn columns(what: Show) -> Columns {
         Show::Audit => audit::COLUMNS,
         #[cfg(feature = "tls")]
         Show::Certificates => certificates::COLUMNS,
+        #[cfg(feature = "mqtt")]
+        Show::Publishers => publishers::COLUMNS,
         Show::Clients => &[15, 21, -9, -9, -4, -10],
         Show::Stats => &[15, 14, -10, -10],
         Show::Log => &[-9, 15, -4, 15, -6, -8, -10],
@@ -240,7 +252,6 @@ const ROUTES: &str = "NO\tSOURCE\tUNITS\tIP\tTAG\tDESTINATION\tKIND\tPOLICY";
 const UNITS: &str = "PORT\tUNIT\tSTATE\tREQUESTS\tRESPONSES\tEXCEPTIONS\tTIMEOUTS\tLAST\tP50\tP99\tERRORS";
 const CLIENTS: &str = "PORT\tPEER\tSINCE\tQUIET\tOPEN\tREQUESTS\tPLACE";
 const STATS: &str = "PORT\tEVENT\tCOUNT\tPER-MINUTE";
-const NETWORK: &str = "LINK\tADDRESS\tGATEWAY\tETHERNET\tSETTING";
 const LOG: &str = "AGE\tSOURCE\tUNIT\tDESTINATION\tTARGET\tFUNCTION\tTOOK\tOUTCOME";
 
 fn port(source: &Source<'_, '_>, row: usize, out: &mut dyn fmt::Write) -> Written {
@@ -347,29 +358,6 @@ fn count(source: &Source<'_, '_>, nth: usize, out: &mut dyn fmt::Write) -> Writt
         _ => return None,
     };
     Some(write!(out, "-\t{name}\t{count}\t\t"))
-}
-
-fn network(
-    settings: &Settings,
-    state: Option<NetworkState>,
-    place: usize,
-    out: &mut dyn fmt::Write,
-) -> Written {
-    let Some(NetworkState { link, address, hardware }) = state else {
-        return (place == 0).then(|| out.write_str("the operating system has the network"));
-    };
-    match place {
-        0 => return Some(out.write_str(NETWORK)),
-        1 => {}
-        _ => return None,
-    }
-    let link = if link { "up" } else { "down" };
-    let shown = address.map_or(text(format_args!("-")), |own| text(format_args!("{own}")));
-    let gateway = address.and_then(|own| own.gateway);
-    let gateway = gateway.map_or(text(format_args!("-")), |gateway| text(format_args!("{gateway}")));
-    let [a, b, c, d, e, f] = hardware;
-    let hardware = text(format_args!("{a:02x}:{b:02x}:{c:02x}:{d:02x}:{e:02x}:{f:02x}"));
-    Some(write!(out, "{link}\t{shown}\t{gateway}\t{hardware}\t{}", settings.own_network()))
 }
 
 /// Messages of the board and its controller, then the transactions from the oldest on.

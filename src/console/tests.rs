@@ -37,7 +37,7 @@ use crate::gateway::{Candidate, Connection, Ports};
 use crate::hal::{NetworkState, NoUpdate};
 use crate::modbus::Exception;
 use crate::scanner::ScannerState;
-use crate::settings::{LINE_BYTES_MAX, OwnNetwork, PasswordHash, PortId, StaticAddress, TLS, USERS};
+use crate::settings::{LINE_BYTES_MAX, MQTT, OwnNetwork, PasswordHash, PortId, StaticAddress, TLS, USERS};
 use crate::stats::{Event, LogEntry, Outcome};
 
 /// Fits the password of [`Bench`].
@@ -207,13 +207,14 @@ fn an_error_in_piped_input_names_its_line_and_the_rest_goes_on() {
     );
     let audit = if USERS { "audit, " } else { "" };
     let certificates = if TLS { "certificates, " } else { "" };
+    let publishers = if MQTT { "publishers, " } else { "" };
     let candidate = if cfg!(feature = "candidate") { "candidate, " } else { "" };
     let expected = format!(
         "error: line 2, column 1: \"prot\": expected a command (see help); did you mean port?\n\
          error: line 3, column 33: \"81E\": expected a format such as 8E1, 7E1, 8N1 or 8N2\n\
          error: line 5, column 1: \"shwo\": expected a command (see help); did you mean show?\n\
          error: line 6, column 6: \"prots\": expected ports, servers, routes, units, clients, stats, points, \
-         devices, registers, users, {audit}{certificates}config, {candidate}network, log, frames, version or update; did you mean ports?\n\
+         devices, registers, users, {audit}{certificates}{publishers}config, {candidate}network, log, frames, version or update; did you mean ports?\n\
          error: line 7, column 12: \"now\": expected the end of the line\n"
     );
     assert_eq!(printed, expected);

@@ -44,6 +44,7 @@ impl Gateway<'_> {
             if AUDIT && settings.ntp != new.ntp {
                 self.calendar.iter().for_each(|calendar| calendar.server_changed.signal(()));
             }
+            self.follow_publishers(settings, new, points);
             settings.clone_from(new);
         });
         // Only the web interface is notified.

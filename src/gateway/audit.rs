@@ -193,6 +193,21 @@ impl Gateway<'_> {
         self.trail(|_, rings| rings.entries().nth(nth).map(|entry| rings.line(entry)))?
     }
 
+    /// The number of the last line; 0 if there is none.
+    #[cfg(feature = "mqtt")] // As what asks; also below.
+    pub(crate) fn last_audit(&self) -> u32 {
+        self.trail(|trail, _| trail.last()).unwrap_or(0)
+    }
+
+    /// The first line behind number `after` that is about `topic`.
+    #[cfg(feature = "mqtt")]
+    pub(crate) fn next_audit(&self, after: u32, topic: Topic) -> Option<AuditLine> {
+        self.trail(|_, rings| {
+            let next = rings.entries().find(|entry| entry.number > after && entry.topic == topic)?;
+            Some(rings.line(next))
+        })?
+    }
+
     /// The number of the last line of earlier runs; 0 if there is none.
     #[cfg(feature = "audit")] // As the command that asks.
     pub(crate) fn earlier_audit(&self) -> u32 {

@@ -38,6 +38,8 @@ impl Accepted {
 
 /// A packet.
 #[derive(Debug, PartialEq, Eq)]
+// One at a time.
+#[allow(clippy::large_enum_variant)]
 pub(crate) enum Received<'p> {
     /// CONNACK, or the code of a refusal.
     Connected(Result<Accepted, u8>),

@@ -104,7 +104,9 @@ fn from_points(gateway: &Gateway<'_>, request: &[u8]) -> Result<Pdu, Exception> 
     if pdu::is_read(request) {
         points.with(|scanner| scanner.serve(request, now))
     } else {
-        points.change(|scanner| scanner.serve(request, now))
+        let served = points.change(|scanner| scanner.serve(request, now));
+        gateway.values_changed();
+        served
     }
 }
 

@@ -186,6 +186,8 @@ impl Port<'_, '_> {
         });
         if let Some(ethercat) = self.ethercat {
             ethercat.asked(device, before, after);
+        } else {
+            self.gateway.values_changed();
         }
     }
 }

@@ -191,8 +191,8 @@ pub enum LongValue<'r> {
 
 impl LongValue<'_> {
     /// Writes it as JSON: text as a string, and numbers of more digits than readers keep as strings of their digits.
-    // Only the web interface has JSON.
-    #[cfg(feature = "web")]
+    // As what asks for it.
+    #[cfg(any(feature = "web", feature = "mqtt"))]
     pub(crate) fn write_json(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let keeps = |magnitude: u64| magnitude <= 1 << 53;
         let is_number = match self {

@@ -34,6 +34,12 @@ impl LongType {
         match self {}
     }
 
+    // As what asks for it.
+    #[cfg(feature = "mqtt")]
+    pub(super) const fn is_signed(self) -> Option<bool> {
+        match self {}
+    }
+
     pub const fn is_text(self) -> bool {
         match self {}
     }
@@ -84,8 +90,8 @@ impl LongForm {
 pub struct LongValue<'r>(Infallible, PhantomData<&'r ()>);
 
 impl LongValue<'_> {
-    // Only the web interface has JSON.
-    #[cfg(feature = "web")]
+    // As what asks for it.
+    #[cfg(any(feature = "web", feature = "mqtt"))]
     pub(crate) fn write_json(&self, _: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.0 {}
     }

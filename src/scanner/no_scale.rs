@@ -29,6 +29,13 @@ impl Scale {
         raw
     }
 
+    #[cfg(feature = "mqtt")]
+    pub(crate) fn limits(self, value: ValueType, bits: u16) -> Option<[TypedValue<'static>; 3]> {
+        let is_signed = value.is_signed()?;
+        let above = 1_i64 << if is_signed { bits - 1 } else { bits };
+        Some([if is_signed { -above } else { 0 }, above - 1, 1].map(TypedValue::Whole))
+    }
+
     pub fn parse(self, value: ValueType, _: u16, text: &str) -> Result<[u8; VALUE_LONGEST], Unfit> {
         value.parse(text).ok_or(Unfit::NoValue)
     }

@@ -46,11 +46,19 @@ impl ValueRange {
     }
 }
 
-impl fmt::Display for ValueRange {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+impl ValueRange {
+    /// The least and the greatest value.
+    fn ends(self) -> (Decimal, Decimal) {
         let (least, greatest) = self.raw();
         let (low, high) = if self.scale.factor < 0 { (greatest, least) } else { (least, greatest) };
-        write!(f, "{} to {}", self.scale.whole(low), self.scale.whole(high))
+        (self.scale.whole(low), self.scale.whole(high))
+    }
+}
+
+impl fmt::Display for ValueRange {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (low, high) = self.ends();
+        write!(f, "{low} to {high}")
     }
 }
 
@@ -107,6 +115,17 @@ impl Scale {
             TypedValue::Long(LongValue::F64(raw)) => TypedValue::Long(LongValue::F64(self.float(raw))),
             TypedValue::Long(LongValue::Text(_) | LongValue::Scaled(_)) => raw,
         }
+    }
+
+    /// The least and the greatest value whose raw number has so many `bits`, and the distance between values, or a thousandth if that
+    /// is more; `None` for floats and text.
+    // Only publishers tell others.
+    #[cfg(feature = "mqtt")]
+    pub(crate) fn limits(self, value: ValueType, bits: u16) -> Option<[TypedValue<'static>; 3]> {
+        let (low, high) = ValueRange { scale: self, bits, is_signed: value.is_signed()? }.ends();
+        let step = Decimal::new(i128::from(self.factor).abs(), self.factor_decimals);
+        let step = if step.binary() < 0.001 { Decimal::new(1, 3) } else { step };
+        Some([low, high, step].map(|number| TypedValue::Long(LongValue::Scaled(number))))
     }
 
     fn scaled(self, raw: i128) -> TypedValue<'static> {

@@ -93,8 +93,8 @@ impl ValueType {
     }
 
     /// Whether its values are whole numbers, and signed.
-    // Only scales ask for it.
-    #[cfg(feature = "long-values")]
+    // Only scales and publishers ask for it.
+    #[cfg(any(feature = "long-values", feature = "mqtt"))]
     pub(super) const fn is_signed(self) -> Option<bool> {
         match self {
             Self::Bit | Self::U16 | Self::U32 => Some(false),
@@ -178,6 +178,18 @@ pub enum TypedValue<'r> {
     Fraction(f32),
     /// A longer one, or one with a scale.
     Long(LongValue<'r>),
+}
+
+impl TypedValue<'_> {
+    /// Writes it as JSON: a number, a string, or `null` for what JSON has no number for.
+    #[cfg(any(feature = "web", feature = "mqtt"))] // Others have no JSON.
+    pub(crate) fn write_json(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Long(value) => value.write_json(f),
+            Self::Fraction(value) if !value.is_finite() => f.write_str("null"),
+            Self::Whole(_) | Self::Fraction(_) => fmt::Display::fmt(self, f),
+        }
+    }
 }
 
 impl fmt::Display for TypedValue<'_> {

@@ -1,30 +1,9 @@
 //! Texts of JSON.
 
-use core::fmt::{self, Display, Write};
+use core::fmt::{self, Write};
 
-/// A text in quotes.
-pub(super) struct Quoted<T>(pub(super) T);
-
-impl<T: Display> Display for Quoted<T> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_char('"')?;
-        write!(Escaped(f), "{}", self.0)?;
-        f.write_char('"')
-    }
-}
-
-/// Writes text within quotes (RFC 8259, 7).
-struct Escaped<'w>(&'w mut dyn Write);
-
-impl Write for Escaped<'_> {
-    fn write_str(&mut self, text: &str) -> fmt::Result {
-        text.chars().try_for_each(|char| match char {
-            '"' | '\\' => write!(self.0, "\\{char}"),
-            char if char < ' ' => write!(self.0, "\\u{:04x}", u32::from(char)),
-            char => self.0.write_char(char),
-        })
-    }
-}
+use crate::language::json::Escaped;
+pub(super) use crate::language::json::Quoted;
 
 /// Columns whose cells are numbers.
 const NUMBERS: &[&str] =
@@ -86,14 +65,9 @@ impl Write for Row<'_> {
 #[cfg(test)]
 mod tests {
     extern crate std;
-    use std::string::{String, ToString};
+    use std::string::String;
 
     use super::*;
-
-    #[test]
-    fn a_text_is_quoted_whatever_is_in_it() {
-        assert_eq!(Quoted("a \"b\" \\ \n é").to_string(), r#""a \"b\" \\ \u000a é""#);
-    }
 
     #[test]
     fn a_row_is_an_object_with_the_names_of_the_columns() {

@@ -28,6 +28,7 @@ mod pending_requests;
 mod points;
 mod prelude;
 mod proofs;
+mod publishers;
 mod queue;
 mod queue_model;
 mod random_frames;

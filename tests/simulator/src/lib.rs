@@ -8,6 +8,7 @@
 //! The world is the crate `mobgate-world`, EtherCAT controllers and what is around them are `ethercat-esc`; both are here as well.
 #![forbid(unsafe_code)]
 
+pub mod broker;
 pub mod client;
 pub mod console;
 pub mod device;

@@ -1,0 +1,114 @@
+//! Publishes data points to MQTT brokers, and writes them by messages.
+//!
+//! A value is sent when it changes, at least once (QoS 1), and stays until the broker has acknowledged it: over a reconnect too, when it
+//! is sent again as it was. What waits to be sent is no list but a mark at each point: the newest value goes, with the time at which it
+//! was read, and values that it has replaced are counted. So a broker that is slow or gone costs no memory.
+
+mod answer;
+mod command;
+mod discovery;
+mod link;
+mod look;
+mod mark;
+mod payload;
+mod session;
+mod source;
+
+use core::convert::Infallible;
+use core::fmt;
+use core::future::pending;
+
+use embassy_futures::join::join_array;
+use embassy_futures::select::{Either, select};
+use embassy_time::{Duration, Instant, Timer, with_timeout};
+
+use self::session::Session;
+use self::source::{Source, WriteDate};
+use crate::gateway::publishers::state::Report;
+use crate::gateway::{Gateway, Status};
+use crate::hal::{OpenError, OpenErrorKind, TcpConnect};
+use crate::mqtt::Inbox;
+use crate::settings::PUBLISHERS_MAX;
+
+/// Time limit of a connection, with TLS and the broker's consent.
+const CONNECT_MAX: Duration = Duration::from_secs(10);
+/// First and longest pause before another attempt.
+const PAUSE_FIRST: Duration = Duration::from_secs(1);
+const PAUSE_MAX: Duration = Duration::from_secs(30);
+
+impl Gateway<'_> {
+    /// Publishes to the brokers in the settings, connecting by `connector`; never returns. `write_date` writes the date of a time with
+    /// milliseconds, as RFC 3339 has it, and returns `None` on boards without a calendar.
+    pub async fn publish(
+        &self,
+        connector: &impl TcpConnect,
+        write_date: fn(Instant, &mut dyn fmt::Write) -> Option<fmt::Result>,
+    ) {
+        let publish = |nth| publish_to(self, nth, connector, write_date);
+        let _: [Infallible; PUBLISHERS_MAX] = join_array(core::array::from_fn(publish)).await;
+    }
+}
+
+/// Publishes to the broker of line number `nth`, whatever that is at any time.
+async fn publish_to(
+    gateway: &Gateway<'_>,
+    nth: usize,
+    connector: &impl TcpConnect,
+    write_date: WriteDate,
+) -> Infallible {
+    let Some(state) = gateway.publisher(nth) else { return pending().await };
+    loop {
+        if let Some(publisher) = gateway.settings(|settings| settings.publishers.get(nth).cloned()) {
+            let mut session = Session::new(gateway.last_audit());
+            let source = Source { gateway, publisher: &publisher, nth, state, write_date };
+            select(source.run(connector, &mut session), state.changed.wait()).await;
+        } else {
+            state.changed.wait().await;
+        }
+        state.report(|report| *report = Report::NONE);
+    }
+}
+
+impl Source<'_, '_> {
+    /// Connects again and again.
+    async fn run(&self, connector: &impl TcpConnect, session: &mut Session) -> Infallible {
+        let mut pause = PAUSE_FIRST;
+        loop {
+            let before = self.state.report(|_| {}).sent;
+            let Err(error) = self.with_broker(connector, session).await;
+            let failed = Status::Failed(error);
+            let report = self.state.report(|_| {});
+            if report.status != failed {
+                log_warn!("publisher {}: {}", self.publisher.name, error);
+            }
+            self.state.report(|report| (report.status, report.since) = (failed, Instant::now()));
+            pause = if report.sent != before { PAUSE_FIRST } else { (pause * 2).min(PAUSE_MAX) };
+            select(Timer::after(pause), self.watch(session)).await;
+        }
+    }
+
+    /// Connects, and publishes until the connection ends.
+    async fn with_broker(
+        &self,
+        connector: &impl TcpConnect,
+        session: &mut Session,
+    ) -> Result<Infallible, OpenError> {
+        let mut inbox = Inbox::new();
+        let connecting = with_timeout(CONNECT_MAX, self.connect(connector, &mut inbox));
+        let (mut stream, accepted) = match select(connecting, self.watch(session)).await {
+            Either::First(connected) => {
+                connected.map_err(|_| OpenError::new(OpenErrorKind::TimedOut, ""))??
+            }
+            Either::Second(never) => match never {},
+        };
+        self.serve(&mut stream, &mut inbox, &accepted, session).await
+    }
+
+    /// Notes changes while there is no connection, so that what is lost is counted.
+    async fn watch(&self, session: &mut Session) -> Infallible {
+        loop {
+            self.look(session);
+            self.state.values.wait().await;
+        }
+    }
+}

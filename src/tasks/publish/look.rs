@@ -1,0 +1,30 @@
+//! Which points are to be sent: those whose value or quality has changed since, and those not sent for long.
+
+use embassy_time::Instant;
+
+use super::mark::moment;
+use super::session::Session;
+use super::source::Source;
+use crate::scanner::RowId;
+
+impl Source<'_, '_> {
+    /// Marks the points that are to be sent, and counts values that are replaced before.
+    pub(super) fn look(&self, session: &mut Session) {
+        let Some(scanner) = self.gateway.scanner() else { return };
+        let (now, every) = (Instant::now(), self.publisher.every);
+        let count = scanner.with(|scanner| scanner.rows());
+        let mut replaced = 0;
+        for (nth, mark) in session.marks.iter_mut().enumerate() {
+            if nth >= count {
+                mark.waits = false;
+                continue;
+            }
+            let moment = scanner.with(|scanner| moment(scanner, RowId(nth as u8), now));
+            replaced += u32::from(moment.is_some_and(|moment| mark.look(&moment, now, every)));
+        }
+        self.state.report(|report| {
+            report.lost = report.lost.wrapping_add(replaced);
+            report.queued = session.queued();
+        });
+    }
+}

@@ -56,9 +56,10 @@ struct Need {
 
 const DEBIAN_RUST: By = By::Apt(&["rustc-web", "cargo-web", "rust-web-src", "rust-web-clippy", "lld"]);
 
-const NEEDS: [Need; 40] = [
+const NEEDS: [Need; 41] = [
     by_apt(Group::Peers, "mbpoll", &["mbpoll"]),
     by_apt(Group::Package, "mbpoll", &["mbpoll"]),
+    by_apt(Group::Peers, "mosquitto_sub", &["mosquitto", "mosquitto-clients"]),
     by_apt(Group::Peers, "ssh", &["openssh-client"]),
     by_apt(Group::Peers, "openssl", &["openssl"]),
     by_apt(Group::Peers, "socat", &["socat"]),

@@ -1,9 +1,8 @@
 //! mobgate as a Linux program: the gateway's statics and tasks, start-up, signals and shutdown.
 
 use std::fmt;
-use std::os::unix::process::CommandExt;
 use std::path::Path;
-use std::process::{Command, ExitCode};
+use std::process::ExitCode;
 use std::rc::Rc;
 
 use embassy_executor::Spawner;
@@ -39,7 +38,6 @@ use mobgate_linux::{
     calendar, capture, console, describe, ethercat, executor, logging, mdns, passwords, service, settings,
     ssh, tls, tty,
 };
-use rustix::process::geteuid;
 use rustix::rand::{GetRandomFlags, getrandom};
 
 /// TCP connections of all servers together. Each takes a descriptor, and a process has 1024 by default.
@@ -73,8 +71,6 @@ static GATEWAY: Gateway<'static> = Gateway::new(&POOL, &PORT_STATES, &CONNECTION
 
 /// Longest wait for the syslog server at the end.
 const LAST_WORDS_MAX: Duration = Duration::from_millis(500);
-/// Set for the program that this one becomes when it starts again.
-const STARTED_BY: &str = "MOBGATE_STARTED_BY";
 
 /// The capture file requested next; `None` ends the capture.
 static CAPTURE_FILE: capture::Wanted = Signal::new();
@@ -143,6 +139,11 @@ async fn service_manager() {
 #[embassy_executor::task]
 async fn audit_trail() {
     join(GATEWAY.settle_audits(), GATEWAY.forward_audit(&mut SyslogSockets)).await;
+}
+
+#[embassy_executor::task]
+async fn publishers() {
+    GATEWAY.publish(&Connector, |at, out| Some(write!(out, "{:.3}", calendar::date(at)))).await
 }
 
 #[embassy_executor::task]
@@ -249,7 +250,7 @@ fn main() -> ExitCode {
     logging::finish();
     match ended {
         Ok(End::Stop) => return ExitCode::SUCCESS,
-        Ok(End::Restart) => eprintln!("mobgate: cannot start again: {}", restart()),
+        Ok(End::Restart) => eprintln!("mobgate: cannot start again: {}", start::again()),
         Err(fault) => eprintln!("mobgate: {fault}"),
     }
     ExitCode::FAILURE
@@ -312,12 +313,7 @@ fn run(options: Options) -> Result<End, String> {
 
 /// Writes into the audit trail what starts, and by whom.
 fn audit_start(options: &Options) {
-    let by = match std::env::var(STARTED_BY) {
-        Ok(by) => by,
-        Err(_) if std::env::var_os("INVOCATION_ID").is_some() => "by the service manager".to_owned(),
-        Err(_) => format!("by user {}", geteuid().as_raw()),
-    };
-    let (version, file) = (env!("CARGO_PKG_VERSION"), options.config.as_deref());
+    let (by, version, file) = (start::by(), env!("CARGO_PKG_VERSION"), options.config.as_deref());
     let settings = file.map_or("without a file".to_owned(), |file| format!("with {}", file.display()));
     GATEWAY.audit(Topic::Start, Actor::System, format_args!("start of {version} {by}, {settings}"));
 }
@@ -357,6 +353,7 @@ fn spawn(
     spawner.spawn(capture_into_file().unwrap());
     spawner.spawn(audit_trail().unwrap());
     spawner.spawn(found_on_the_network().unwrap());
+    spawner.spawn(publishers().unwrap());
     spawner.spawn(certificates().unwrap());
     spawner.spawn(service_manager().unwrap());
     spawner.spawn(commits().unwrap());
@@ -390,11 +387,4 @@ async fn reload(store: &mut FileStore) -> Result<String, String> {
     GATEWAY.audit_difference(Actor::System, &draft);
     reconfigure::take_over(&GATEWAY, store, &draft).map_err(|error| format!("{file}: {error}"))?;
     Ok(file)
-}
-
-/// Replaces this process by a new one of the same program; returns only on an error.
-fn restart() -> std::io::Error {
-    let mut arguments = std::env::args_os();
-    let name = arguments.next().unwrap_or_else(|| "mobgate".into());
-    Command::new("/proc/self/exe").arg0(name).args(arguments).env(STARTED_BY, "by reboot").exec()
 }

@@ -1,9 +1,12 @@
-//! Start-up: finds the settings and opens their listeners.
+//! Start-up: finds the settings and opens their listeners; who starts the program, and how it starts again.
 
+use std::os::unix::process::CommandExt;
+use std::process::Command;
 use std::rc::Rc;
 
 use mobgate::gateway::Gateway;
 use mobgate::settings::Settings;
+use rustix::process::geteuid;
 
 use crate::cli::Options;
 use crate::demo;
@@ -11,6 +14,9 @@ use crate::reactor::block_on;
 use crate::settings::{self, tcp_servers};
 use crate::store::FileStore;
 use crate::tcp::{Listener, TcpSockets};
+
+/// Set for the program that this one becomes when it starts again.
+const STARTED_BY: &str = "MOBGATE_STARTED_BY";
 
 /// Settings, and their listeners, which are held until the accepting tasks have taken them.
 pub struct Start {
@@ -49,4 +55,20 @@ pub fn listen(settings: Option<Settings>, options: &Options, sockets: &TcpSocket
     let open = |(name, at)| sockets.open(at).map_err(|error| format!("port {name}: TCP port {at}: {error}"));
     let listeners = tcp_servers(&settings).map(open).collect::<Result<_, _>>()?;
     Ok(Start { settings, listeners })
+}
+
+/// Who has started the program.
+pub fn by() -> String {
+    match std::env::var(STARTED_BY) {
+        Ok(by) => by,
+        Err(_) if std::env::var_os("INVOCATION_ID").is_some() => "by the service manager".to_owned(),
+        Err(_) => format!("by user {}", geteuid().as_raw()),
+    }
+}
+
+/// Replaces this process by a new one of the same program; returns only on an error.
+pub fn again() -> std::io::Error {
+    let mut arguments = std::env::args_os();
+    let name = arguments.next().unwrap_or_else(|| "mobgate".into());
+    Command::new("/proc/self/exe").arg0(name).args(arguments).env(STARTED_BY, "by reboot").exec()
 }

@@ -61,7 +61,7 @@ pub(crate) async fn begin(
     let connection = match peer {
         Some(peer) => {
             let name = server_name(peer)?;
-            let config = of_port(port, client)?;
+            let config = of(port, client)?;
             ClientConnection::new(Arc::new(config), name).map(Connection::Client)
         }
         None => ServerConnection::new(of_port(port, server)?).map(Connection::Server),
@@ -90,17 +90,23 @@ fn server_name(server: &ServerAddress) -> Result<ServerName<'static>, OpenError>
     }
 }
 
-/// Makes what the port needs of its settings; says in the log what is wrong with a certificate.
+/// Makes what the port needs of its settings.
 fn of_port<T>(
     port: PortId,
     make: impl FnOnce(&Settings, &PortKind, &TlsSettings) -> Result<T, Fault>,
 ) -> Result<T, OpenError> {
+    of(port, |settings, tls| {
+        let kind = settings.port(port).map(|port| &port.kind).ok_or(Fault::Absent)?;
+        make(settings, kind, tls)
+    })
+}
+
+/// Makes what the port, or the publisher, needs of its settings; says in the log what is wrong with a certificate.
+fn of<T>(id: PortId, make: impl FnOnce(&Settings, &TlsSettings) -> Result<T, Fault>) -> Result<T, OpenError> {
     let gateway = GATEWAY.get().ok_or(UNUSABLE)?;
     gateway.settings(|settings| {
-        let kind = settings.port(port).map(|port| &port.kind);
-        let (kind, tls) = kind.and_then(|kind| Some((kind, kind.tls()?))).ok_or(UNUSABLE)?;
-        make(settings, kind, tls).map_err(|fault| {
-            log::debug!("port {}: {fault}", settings.name(port));
+        make(settings, settings.tls(id).ok_or(UNUSABLE)?).map_err(|fault| {
+            log::debug!("port {}: {fault}", settings.name(id));
             UNUSABLE
         })
     })
@@ -137,7 +143,7 @@ fn server(settings: &Settings, kind: &PortKind, tls: &TlsSettings) -> Result<Arc
     Ok(Arc::new(config))
 }
 
-fn client(settings: &Settings, _: &PortKind, tls: &TlsSettings) -> Result<ClientConfig, Fault> {
+fn client(settings: &Settings, tls: &TlsSettings) -> Result<ClientConfig, Fault> {
     let trusted = certificate(settings, tls.trust.as_deref(), Purpose::Servers);
     // A pinned certificate counts only for the port that names it: the key of one device must not authenticate another.
     let may_be_own = tls.trust.is_some();

@@ -4,13 +4,14 @@ use mobgate::language::{apply, write_line};
 use mobgate::settings::Settings;
 
 /// First words of the lines, in the order in which a text needs them.
-const KINDS: [&str; 12] = [
+const KINDS: [&str; 13] = [
     "user",
     "network",
     "mdns",
     "syslog",
     "ntp",
     "certificate",
+    "publish",
     "port",
     "server",
     "route",
@@ -23,8 +24,8 @@ const NETWORK: usize = 1;
 pub(super) const MDNS: usize = 2;
 const SYSLOG: usize = 3;
 const NTP: usize = 4;
-const SERVER: usize = 7;
-pub(super) const ROUTE: usize = 8;
+const SERVER: usize = 8;
+pub(super) const ROUTE: usize = 9;
 
 /// A line that creates something, as printed.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -21,6 +21,19 @@ impl Tool {
         Self { program: "socat".into(), install: "apt-get install socat".into() }
     }
 
+    /// The broker. Debian installs it where only root looks.
+    pub(crate) fn mosquitto() -> Self {
+        let found = ["/usr/sbin/mosquitto", "/usr/local/sbin/mosquitto"]
+            .into_iter()
+            .find(|path| Path::new(path).exists());
+        Self { program: found.unwrap_or("mosquitto").into(), install: "apt-get install mosquitto".into() }
+    }
+
+    /// One of its clients.
+    pub(crate) fn mosquitto_client(program: &str) -> Self {
+        Self { program: program.into(), install: "apt-get install mosquitto-clients".into() }
+    }
+
     /// A Python that has pymodbus and others: the one that `MOBGATE_PYTHON` names, or else the virtual environment's.
     pub(crate) fn python() -> Self {
         let prepared = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../target/python/bin/python3");

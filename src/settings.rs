@@ -63,8 +63,10 @@ pub(crate) use self::proof::PROOFS_MAX;
 pub use self::proof::{Proof, Proofs};
 pub(crate) use self::publisher::{MQTT, PUBLISHERS_MAX, Publishers};
 // As what uses it.
+#[cfg(all(feature = "mqtt", feature = "tls"))]
+pub(crate) use self::publisher::publisher_id;
 #[cfg(feature = "mqtt")]
-pub(crate) use self::publisher::{Format, Publisher, TopicPrefix, publisher_id};
+pub(crate) use self::publisher::{Format, Publisher, TopicPrefix};
 pub use self::rule::{Destination, Route, Tag, UnitRange};
 pub use self::rules::Rules;
 pub use self::serial::{

@@ -6,7 +6,7 @@ use heapless::{String, Vec};
 use crate::mqtt::Version;
 use crate::settings::{Name, ServerAddress, TlsSettings};
 // As what uses it; also below.
-#[cfg(feature = "mqtt")]
+#[cfg(all(feature = "mqtt", feature = "tls"))]
 use crate::settings::{PORTS_MAX, PortId};
 
 /// Whether there are publishers. Without the feature `mqtt` the image has neither the code nor the memory for them.
@@ -57,7 +57,7 @@ pub(crate) struct Publisher {
 pub(crate) type Publishers = Vec<Publisher, PUBLISHERS_MAX>;
 
 /// The id by which a board asks for the TLS settings of publisher number `nth`: behind those of ports.
-#[cfg(feature = "mqtt")]
+#[cfg(all(feature = "mqtt", feature = "tls"))]
 pub(crate) fn publisher_id(nth: usize) -> PortId {
     PortId((PORTS_MAX + nth) as u8)
 }

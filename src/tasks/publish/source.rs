@@ -15,7 +15,8 @@ pub(super) type WriteDate = fn(Instant, &mut dyn fmt::Write) -> Option<fmt::Resu
 pub(super) struct Source<'s, 'g> {
     pub(super) gateway: &'s Gateway<'g>,
     pub(super) publisher: &'s Publisher,
-    /// Its number in the settings.
+    /// Its number in the settings, by which a board finds its certificates.
+    #[cfg_attr(not(feature = "tls"), allow(dead_code))]
     pub(super) nth: usize,
     pub(super) state: &'s PublisherState,
     pub(super) write_date: WriteDate,

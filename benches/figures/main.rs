@@ -23,6 +23,7 @@ mod points;
 mod ports;
 mod power_cuts;
 mod prelude;
+mod publishers;
 mod servers;
 mod shared_bus;
 mod sharing;
@@ -48,6 +49,7 @@ fn main() {
         ("ports", ports::figures),
         ("goodput", goodput::figures),
         ("servers", servers::figures),
+        ("publishers", publishers::figures),
         ("tools", tools::figures),
         ("power_cuts", power_cuts::figures),
         ("ethercat", ethercat::figures),

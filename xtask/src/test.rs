@@ -28,6 +28,8 @@ pub(crate) enum Suite {
     QemuBrowser,
     /// Random worlds, many times more than in `workspace`
     Torture,
+    /// mosquitto under load, killed a hundred times
+    Broker,
     /// EtherCAT: third-party MainDevices, thousands of cycles and restarts, and the conformance measurements
     Maindevices,
 }
@@ -35,7 +37,7 @@ pub(crate) enum Suite {
 impl Suite {
     fn needs(self) -> &'static [Group] {
         match self {
-            Self::Workspace | Self::Maindevices => &[Group::Peers],
+            Self::Workspace | Self::Broker | Self::Maindevices => &[Group::Peers],
             Self::Qemu => &[Group::Qemu, Group::Thumb, Group::Peers],
             Self::Stm32 => &[Group::Stm32, Group::Thumb],
             Self::Rp2040 => &[Group::Rp2040, Group::Thumb],
@@ -117,6 +119,10 @@ fn run_one(suite: Suite, boards: &[String]) -> Outcome {
                 "--test-threads=2",
             ];
             run(tests(&words).env("MOBGATE_SEEDS", "4000"))
+        }
+        Suite::Broker => {
+            let words = ["--test", "peers", "--", "--nocapture", "the_broker_is_killed"];
+            run(tests(&words).env("MOBGATE_KILLS", "100"))
         }
         Suite::Maindevices => {
             main_devices("1", &["foreign::pysoem", "foreign::soemx", "foreign::in_process"])?;

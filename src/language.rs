@@ -76,6 +76,8 @@ pub use self::problem::{LineError, WORD_BYTES_MAX, Warning};
 pub(crate) use self::route_words::client_role;
 pub(crate) use self::route_words::units as parse_units;
 pub(crate) use self::users::{WithoutSecrets, user_name};
+#[cfg(feature = "web")]
+pub(crate) use self::values::parse_address;
 pub(crate) use self::values::{medium, number, parse_number, small, time};
 pub(crate) use self::verbs::{Offer, VERBS, Verb, Verbs};
 pub(crate) use self::words::{Word, Words, Wrong, find_word, is_separator};

@@ -35,8 +35,7 @@ mod whole;
 pub(crate) use self::address::{Address, Endpoint, IPV6, canonical};
 pub use self::address::{Allowed, IpPrefix, Prefixes};
 pub use self::ethercat::{EthercatSettings, InterfaceName, OnLoss};
-// As the word.
-#[cfg(feature = "files")]
+#[cfg(any(feature = "files", test))] // As the word; tests make settings of any kind.
 pub(crate) use self::ethercat::FileRights;
 pub(crate) use self::ethercat::INTERFACE_BYTES_MAX;
 pub(crate) use self::field::{Count, Field};

@@ -1,16 +1,16 @@
 //! The web interface: HTTP with JSON at `/api/v1`, on the port that the settings name; docs/openapi.yaml describes it.
 //!
 //! A request passes `guard` (its host and origin), `api` (its path, its user and the user's role), and one of the `calls`,
-//! which do what the console's commands do, by the same tables, candidate and direct requests. What they return is an
-//! `response`, sent row by row. The framing is picoserve's, over the board's streams.
-
-// A refusal is a whole HTTP response, as large as any other, because there is no heap.
-#![allow(clippy::result_large_err)]
+//! which do what the console's commands do, by the same tables, candidate and direct requests. They fill in the `response`,
+//! which is sent row by row. The framing is picoserve's, over the board's streams.
 
 mod api;
 mod calls;
 mod candidate;
 mod commands;
+// Replaced by a stub in images without capture.
+#[cfg_attr(not(feature = "capture"), path = "web/no_frames.rs")]
+mod frames;
 mod guard;
 mod job;
 mod json;

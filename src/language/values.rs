@@ -157,7 +157,7 @@ fn parse_prefix(text: &str) -> Option<IpPrefix> {
     IpPrefix::new(address, length as u8)
 }
 
-fn parse_address(text: &str) -> Option<IpAddr> {
+pub(crate) fn parse_address(text: &str) -> Option<IpAddr> {
     if IPV6 { text.parse().ok() } else { text.parse().ok().map(IpAddr::V4) }
 }
 

@@ -1,5 +1,6 @@
 //! The paths of the interface, with the role each requires. The table is the whole interface.
 
+use core::fmt::{self, Display};
 use core::net::IpAddr;
 
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
@@ -7,7 +8,7 @@ use embassy_sync::mutex::Mutex;
 use embassy_time::{Duration, Timer};
 use picoserve::ResponseSent;
 use picoserve::io::Read;
-use picoserve::request::{Path, Request, RequestBody, RequestParts};
+use picoserve::request::{Path, Request, RequestParts};
 use picoserve::response::ResponseWriter;
 use picoserve::routing::PathRouterService;
 
@@ -15,7 +16,7 @@ use super::guard::{self, Foreign};
 use super::metrics::Metrics;
 use super::page;
 use super::piece::Source;
-use super::response::{Content, Response};
+use super::response::{Content, Header, Refused, Response};
 use super::session::{self, Shows};
 use super::status::TableOf;
 use super::transport::Life;
@@ -183,14 +184,7 @@ pub(super) struct Api<'a, 'g, S, U, Y> {
 pub(super) struct Caller {
     pub(super) name: Name,
     pub(super) role: Role,
-    pub(super) peer: IpAddr,
     pub(super) token: Token,
-}
-
-impl Caller {
-    pub(super) fn actor(&self) -> Actor<'_> {
-        Actor::User { name: &self.name, peer: self.peer }
-    }
 }
 
 impl<S: Store, U: Update, Y: System> PathRouterService for Api<'_, '_, S, U, Y> {
@@ -204,14 +198,20 @@ impl<S: Store, U: Update, Y: System> PathRouterService for Api<'_, '_, S, U, Y> 
     ) -> Result<ResponseSent, W::Error> {
         let turn = self.gateway.web.turns.take(embassy_time::Instant::now());
         Timer::at(turn).await;
-        let mut response = self.respond(path.encoded(), &request.parts, request.body_connection.body()).await;
-        response.settle().await;
+        let mut response = Response::new();
+        // A refusal has told why.
+        let _ = self.respond(path.encoded(), &mut request, &mut response).await;
         let connection = request.body_connection.finalize().await?;
         response.send(Source { gateway: self.gateway, system: self.system }, connection, writer).await
     }
 }
 
 impl<'a, 'g, S: Store, U: Update, Y: System> Api<'a, 'g, S, U, Y> {
+    /// The user, for the audit trail.
+    pub(super) fn actor<'c>(&self, caller: &'c Caller) -> Actor<'c> {
+        Actor::User { name: &caller.name, peer: self.peer }
+    }
+
     /// The connection stays open for the longest work, as long as the client reads.
     pub(super) fn takes_long(&self) {
         self.life.lasts(WORK_MAX);
@@ -220,57 +220,57 @@ impl<'a, 'g, S: Store, U: Update, Y: System> Api<'a, 'g, S, U, Y> {
     async fn respond<R: Read>(
         &self,
         path: &str,
-        parts: &RequestParts<'_>,
-        body: RequestBody<'_, R>,
-    ) -> Response<'a, 'g> {
+        request: &mut Request<'_, R>,
+        response: &mut Response<'a, 'g>,
+    ) -> Result<(), Refused> {
+        let parts = &request.parts;
         if let Some(file) = page::find(path) {
-            return self.file(file, parts);
+            return self.file(file, parts, response);
         }
-        let (call, takes, caller) = match self.admit(path, parts) {
-            Ok(admitted) => admitted,
-            Err(refusal) => return refusal,
-        };
-        if let Err(refusal) = takes.check(parts, body.content_length()) {
-            return refusal;
-        }
+        let (call, takes, caller) = self.admit(path, parts, response)?;
+        let body = request.body_connection.body();
+        takes.check(parts, body.content_length(), response)?;
         if let (Takes::Image, Some(caller)) = (takes, &caller) {
-            return self.update(caller, body).await;
+            return self.update(caller, body, response).await;
         }
         if !body.entire_body_fits_into_buffer() {
-            return Response::error(413, &"the body is too large");
+            return Err(response.error(413, &"the body is too large"));
         }
-        let Ok(body) = body.read_all().await else {
-            return Response::error(400, &"the body did not come as announced");
-        };
-        let Ok(body) = core::str::from_utf8(body) else {
-            return Response::error(400, &"the body is not text (UTF-8)");
-        };
-        match (call, caller) {
-            (Call::Metrics, _) => Response::ok(Content::Metrics(Metrics::of(parts.headers()))),
-            (_, Some(caller)) => self.run(call, &caller, body).await,
-            (_, None) => self.log_in(body).await,
+        let body = body.read_all().await;
+        let body = body.map_err(|_| response.error(400, &"the body did not come as announced"))?;
+        let body = core::str::from_utf8(body);
+        let body = body.map_err(|_| response.error(400, &"the body is not text (UTF-8)"))?;
+        match (call, &caller) {
+            (Call::Metrics, _) => response.ok(Content::Metrics(Metrics::of(parts.headers()))),
+            (_, Some(caller)) => self.run(call, caller, body, response).await?,
+            (_, None) => self.log_in(body, response).await?,
         }
+        response.settle().await
     }
 
     /// A file of the page. It may be opened from anywhere, but by a name of the gateway.
-    fn file(&self, file: &'static page::File, parts: &RequestParts<'_>) -> Response<'a, 'g> {
+    fn file(
+        &self,
+        file: &'static page::File,
+        parts: &RequestParts<'_>,
+        response: &mut Response<'a, 'g>,
+    ) -> Result<(), Refused> {
         let headers = parts.headers();
         let encrypted = self.terms.encrypted;
         let host =
             self.gateway.settings(|settings| guard::check_host(headers, settings, encrypted).map(drop));
-        if let Err(why) = host {
-            return foreign(why);
-        }
+        host.map_err(|why| foreign(why, response))?;
         if !self.terms.logs_in {
-            return Response::error(403, &CLEARTEXT);
+            return Err(response.error(403, &CLEARTEXT));
         }
         if parts.method() != "GET" {
-            return Response::error(405, &"this path has the method GET")
-                .with_header("Allow", format_args!("GET"));
+            return Err(not_allowed(Methods(file.path), response));
         }
         let known = headers.get("if-none-match");
-        let is_known = known.is_some_and(|known| known.as_str().is_ok_and(|known| known.contains(file.tag)));
-        Response::ok(Content::File(file, is_known))
+        let known = known.as_ref().and_then(|known| known.as_str().ok()).unwrap_or_default();
+        let has = |tag: &str| tag.trim().trim_start_matches("W/") == file.tag;
+        response.file(file, known.split(',').any(has));
+        Ok(())
     }
 
     /// Finds the operation and the caller, who is anonymous at log-in; or refuses.
@@ -278,72 +278,85 @@ impl<'a, 'g, S: Store, U: Update, Y: System> Api<'a, 'g, S, U, Y> {
         &self,
         path: &str,
         parts: &RequestParts<'_>,
-    ) -> Result<(Call, Takes, Option<Caller>), Response<'a, 'g>> {
+        response: &mut Response<'a, 'g>,
+    ) -> Result<(Call, Takes, Option<Caller>), Refused> {
         let headers = parts.headers();
         let encrypted = self.terms.encrypted;
-        self.gateway.settings(|settings| guard::check(headers, settings, encrypted)).map_err(foreign)?;
+        let checked = self.gateway.settings(|settings| guard::check(headers, settings, encrypted));
+        checked.map_err(|why| foreign(why, response))?;
         if path == METRICS && self.terms.metrics && parts.method() == "GET" {
             return Ok((Call::Metrics, Takes::Nothing, None));
         }
         if !self.terms.logs_in {
-            return Err(Response::error(403, &CLEARTEXT));
+            return Err(response.error(403, &CLEARTEXT));
         }
-        if !ROUTES.iter().any(|(known, ..)| *known == path) {
-            return Err(Response::error(404, &"there is nothing of this path: see openapi.yaml"));
-        }
-        let is_it = |(known, method, ..): &&Route| *known == path && *method == parts.method();
-        let route = ROUTES.iter().find(is_it).ok_or_else(|| not_allowed(path))?;
-        let (_, method, call, takes, command) = *route;
+        let mut routes = ROUTES.iter().filter(|(known, ..)| *known == path).peekable();
+        let Some((known, ..)) = routes.peek() else {
+            return Err(response.error(404, &"there is nothing of this path: see openapi.yaml"));
+        };
+        let methods = Methods(known);
+        let route = routes.find(|(_, method, ..)| *method == parts.method());
+        let (_, method, call, takes, command) = *route.ok_or_else(|| not_allowed(methods, response))?;
         if call == Call::LogIn {
             return Ok((call, takes, None));
         }
         let caller = Shows::of(headers).and_then(|shows| {
             let (name, role) = session::user(self.gateway, &shows.token, true)?;
-            Some((Caller { name, role, peer: self.peer, token: shows.token }, shows.by_cookie))
+            Some((Caller { name, role, token: shows.token }, shows.by_cookie))
         });
         let Some((caller, by_cookie)) = caller else {
-            let refusal = Response::error(401, &LOG_IN);
-            return Err(refusal.with_header("WWW-Authenticate", format_args!("Bearer")));
+            response.header = Some(Header::Authenticate);
+            return Err(response.error(401, &LOG_IN));
         };
         if by_cookie && method != "GET" {
-            guard::check_cookie(headers).map_err(foreign)?;
+            guard::check_cookie(headers).map_err(|why| foreign(why, response))?;
         }
         let needed = command.map_or(Role::Viewer, access::role);
         if caller.role < needed {
             let what = format_args!("{} is denied to the role {}", command.unwrap_or_default(), caller.role);
             self.gateway.audit_refusal(Topic::DeniedCommand, None, Some(self.peer), what);
-            return Err(Response::error(403, &Denied::Role { needed, own: caller.role }));
+            return Err(response.error(403, &Denied::Role { needed, own: caller.role }));
         }
         Ok((call, takes, Some(caller)))
     }
 }
 
-fn foreign<'s, 'g>(why: Foreign) -> Response<'s, 'g> {
-    Response::error(if why == Foreign::Host { 421 } else { 403 }, &why)
+fn foreign(why: Foreign, response: &mut Response<'_, '_>) -> Refused {
+    response.error(if why == Foreign::Host { 421 } else { 403 }, &why)
 }
 
 /// Another method is needed.
-fn not_allowed<'s, 'g>(path: &str) -> Response<'s, 'g> {
-    let methods = || ROUTES.iter().filter(|(known, ..)| *known == path).map(|(_, method, ..)| *method);
-    let mut allowed = heapless::String::<64>::new();
-    // Sized for all methods.
-    methods().for_each(|method| {
-        let _ = allowed
-            .push_str(if allowed.is_empty() { "" } else { ", " })
-            .and_then(|()| allowed.push_str(method));
-    });
-    let response = Response::error(405, &format_args!("this path has the methods {allowed}"));
-    response.with_header("Allow", format_args!("{allowed}"))
+fn not_allowed(methods: Methods, response: &mut Response<'_, '_>) -> Refused {
+    response.header = Some(Header::Allow(methods));
+    response.error(405, &format_args!("this path takes {methods}"))
+}
+
+/// The methods that a path takes.
+#[derive(Clone, Copy)]
+pub(super) struct Methods(&'static str);
+
+impl Display for Methods {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut routes = ROUTES.iter().filter(|(path, ..)| *path == self.0);
+        // A path without a route is a file's.
+        f.write_str(routes.next().map_or("GET", |(_, method, ..)| method))?;
+        routes.try_for_each(|(_, method, ..)| write!(f, ", {method}"))
+    }
 }
 
 impl Takes {
     /// Checks the body's length and type.
-    fn check<'s, 'g>(self, parts: &RequestParts<'_>, length: usize) -> Result<(), Response<'s, 'g>> {
+    fn check(
+        self,
+        parts: &RequestParts<'_>,
+        length: usize,
+        response: &mut Response<'_, '_>,
+    ) -> Result<(), Refused> {
         if parts.headers().get("transfer-encoding").is_some() {
-            return Err(Response::error(411, &"a body needs its length: Content-Length"));
+            return Err(response.error(411, &"a body needs its length: Content-Length"));
         }
         let kind = match self {
-            Self::Nothing if length > 0 => return Err(Response::error(400, &"this takes no body")),
+            Self::Nothing if length > 0 => return Err(response.error(400, &"this takes no body")),
             Self::Nothing => return Ok(()),
             Self::Lines => "text/plain",
             Self::Json => "application/json",
@@ -354,7 +367,7 @@ impl Takes {
         let told = told.split(';').next().unwrap_or_default().trim();
         match told.eq_ignore_ascii_case(kind) {
             true => Ok(()),
-            false => Err(Response::error(415, &format_args!("the body must be {kind}"))),
+            false => Err(response.error(415, &format_args!("the body must be {kind}"))),
         }
     }
 }

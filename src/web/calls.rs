@@ -10,8 +10,8 @@ use super::candidate::{self, Unchanged};
 use super::json::Quoted;
 use super::lines::Lines;
 use super::members::{BYTE, Kind, Line, Member, Members, TEXT, WORD, needed, optional, via};
-use super::response::{Content, Part, Response, TEXT_BYTES_MAX};
-use super::session::{COOKIE, Shown};
+use super::response::{Content, Header, Part, Refused, Response, TEXT_BYTES_MAX};
+use super::session::Shown;
 use super::settings::{Schema, Written};
 use super::status::Status;
 use super::untaken::Untaken;
@@ -19,9 +19,9 @@ use crate::console::access::{self, Ask, Asked, Denied, NotAsked};
 use crate::gateway::audit::Topic;
 use crate::gateway::commit::Uncommitted;
 use crate::gateway::difference::Difference;
-use crate::gateway::enter::Refused;
+use crate::gateway::enter::Refused as NotEntered;
 use crate::gateway::web::Token;
-use crate::gateway::{Candidate, Credential};
+use crate::gateway::{ApplyError, Candidate, Credential};
 use crate::hal::{Store, System, Update};
 
 /// With `token` it is told, and no cookie is set.
@@ -42,134 +42,156 @@ const DIRECT: &[Member] = &[
 ];
 
 /// Reads a body of these members.
-pub(super) fn parse<'s, 'g>(body: &str, members: &'static [Member]) -> Result<Members, Response<'s, 'g>> {
-    Members::read(body, members).map_err(|error| untaken(&error))
+pub(super) fn parse(
+    body: &str,
+    members: &'static [Member],
+    response: &mut Response<'_, '_>,
+) -> Result<Members, Refused> {
+    Members::read(body, members).map_err(|error| untaken(&error, response))
 }
 
-pub(super) fn untaken<'s, 'g>(error: &Untaken) -> Response<'s, 'g> {
+/// Reads a body of these members as the line of a verb.
+pub(super) fn line(
+    body: &str,
+    members: &'static [Member],
+    verb: &str,
+    response: &mut Response<'_, '_>,
+) -> Result<Line, Refused> {
+    parse(body, members, response)?.line(verb).map_err(|error| untaken(&error, response))
+}
+
+fn untaken(error: &Untaken, response: &mut Response<'_, '_>) -> Refused {
     match error {
-        Untaken::Line(number, line, error) => Response::wrong_line(Some(*number), line, error),
-        Untaken::NotAWord(_) | Untaken::TooLong => Response::error(422, error),
+        Untaken::Line(number, line, error) => response.wrong_line(*number, line, error),
+        Untaken::NotAWord(_) | Untaken::TooLong => response.error(422, error),
         #[cfg(feature = "long-values")] // As the error.
-        Untaken::NoValue => Response::error(422, error),
-        _ => Response::error(400, error),
+        Untaken::NoValue => response.error(422, error),
+        _ => response.error(400, error),
     }
 }
 
-pub(super) fn uncommitted<'s, 'g>(error: &Uncommitted) -> Response<'s, 'g> {
-    Response::error(if matches!(error, Uncommitted::Apply(_)) { 422 } else { 409 }, error)
+pub(super) fn uncommitted(error: &Uncommitted, response: &mut Response<'_, '_>) -> Refused {
+    response.error(if matches!(error, Uncommitted::Apply(_)) { 422 } else { 409 }, error)
 }
 
 impl<'a, 'g, S: Store, U: Update, Y: System> Api<'a, 'g, S, U, Y> {
-    pub(super) async fn run(&self, call: Call, caller: &Caller, body: &str) -> Response<'a, 'g> {
+    /// Without content, the response is that it was done.
+    pub(super) async fn run(
+        &self,
+        call: Call,
+        caller: &Caller,
+        body: &str,
+        response: &mut Response<'a, 'g>,
+    ) -> Result<(), Refused> {
         match call {
             // The first two need no session, and an image is processed as it arrives.
-            Call::LogIn | Call::Metrics | Call::Update => Response::done(),
+            Call::LogIn | Call::Metrics | Call::Update => {}
             Call::Session => {
                 let (user, role) = (Quoted(&caller.name), caller.role);
-                Response::json(200, format_args!("{{\"user\":{user},\"role\":\"{role}\"}}"))
+                response.json(200, format_args!("{{\"user\":{user},\"role\":\"{role}\"}}"));
             }
             Call::LogOut => {
                 self.gateway.web.end(&caller.token);
-                let cookie = format_args!("{COOKIE}=; {}; Max-Age=0", self.cookie_attributes());
-                Response::done().with_header("Set-Cookie", cookie)
+                response.header = Some(Header::Cookie(None, self.terms.encrypted));
             }
-            Call::Status => Response::ok(Content::Status(Status::new())),
-            Call::Events => Response::ok(Content::Live(Status::new(), caller.token)),
-            Call::Tables(tables) => Response::ok(Content::Status(Status::of(tables))),
+            Call::Status => response.ok(Content::Status(Status::new())),
+            Call::Events => response.ok(Content::Live(Status::new(), caller.token)),
+            Call::Tables(tables) => response.ok(Content::Status(Status::of(tables))),
             Call::Frames => {
+                if self.gateway.capture().is_none() {
+                    return Err(response.error(409, &ApplyError::NoCapture));
+                }
                 self.takes_long();
-                Response::ok(Content::Frames(caller.token))
+                response.ok(Content::Frames(caller.token));
             }
-            Call::Settings(as_json) => Response::ok(Content::Settings(Written::new(false, as_json))),
+            Call::Settings(as_json) => response.ok(Content::Settings(Written::new(false, as_json))),
             Call::Candidate(as_json) => {
-                self.with_candidate(|| Response::ok(Content::Settings(Written::new(true, as_json))))
+                self.check_candidate(response)?;
+                response.ok(Content::Settings(Written::new(true, as_json)));
             }
-            Call::Schema => Response::ok(Content::Schema(Schema::default())),
+            Call::Schema => response.ok(Content::Schema(Schema::default())),
             Call::Diff => {
-                self.with_candidate(|| Response::ok(Content::Diff(Difference::default(), Part::default())))
+                self.check_candidate(response)?;
+                response.ok(Content::Diff(Difference::default(), Part::default()));
             }
-            Call::Replace | Call::Change => self.change(Lines::Text(body), call == Call::Replace).await,
+            Call::Replace | Call::Change => {
+                return self.change(Lines::Text(body), call == Call::Replace, response).await;
+            }
             Call::ReplaceJson | Call::ChangeJson => {
-                self.change(Lines::Json(body), call == Call::ReplaceJson).await
+                return self.change(Lines::Json(body), call == Call::ReplaceJson, response).await;
             }
-            Call::Discard => self.of_candidate(Candidate::discard),
-            Call::Commit => self.commit(caller, body).await,
-            Call::Confirm => self.confirm(caller).await,
-            Call::RollBack => self.roll_back(caller).await,
-            Call::Direct(ask) => self.ask(caller, ask, body),
-            Call::Scan | Call::Tune | Call::Explain | Call::Point => self.command(call, caller, body),
-            Call::Stop => {
-                self.gateway.web.stop.signal(());
-                Response::done()
+            Call::Discard => {
+                self.candidate(response)?.discard().map_err(|error| uncommitted(&error, response))?
             }
-            Call::Firmware => self.firmware(),
-            Call::GoBack => self.go_back(caller),
-            Call::Versions => self.versions().await,
-            Call::BringBack => self.bring_back(caller, body).await,
-            Call::Password => self.password(caller, body).await,
+            Call::Commit => return self.commit(caller, body, response).await,
+            Call::Confirm => return self.confirm(caller, response).await,
+            Call::RollBack => return self.roll_back(caller, response).await,
+            Call::Direct(ask) => return self.ask(caller, ask, body, response),
+            Call::Scan | Call::Tune | Call::Explain | Call::Point => {
+                return self.command(call, caller, body, response);
+            }
+            Call::Stop => self.gateway.web.stop.signal(()),
+            Call::Firmware => self.firmware(response),
+            Call::GoBack => return self.go_back(caller, response),
+            Call::Versions => self.versions(response).await,
+            Call::BringBack => return self.bring_back(caller, body, response).await,
+            Call::Password => return self.password(caller, body, response).await,
         }
+        Ok(())
     }
 
     /// `POST /session`
-    pub(super) async fn log_in(&self, body: &str) -> Response<'a, 'g> {
-        let (name, password, is_told) = match parse(body, LOG_IN) {
+    pub(super) async fn log_in(&self, body: &str, response: &mut Response<'a, 'g>) -> Result<(), Refused> {
+        let (name, password, is_told) = parse(body, LOG_IN, response).map(|members| {
             // No user has a longer name.
-            Ok(members) => (members.user().unwrap_or_default(), members.password(), members.is_set("token")),
-            Err(refusal) => return refusal,
-        };
+            (members.user().unwrap_or_default(), members.password(), members.is_set("token"))
+        })?;
         let gateway = self.gateway;
         let _one_at_a_time = gateway.web.log_in.lock().await;
         let user = match gateway.enter(self.system, self.peer, &name, Credential::Password(&password)).await {
             Ok(user) => user,
-            Err(Refused::Pause(pause)) => {
-                let refusal = Response::error(429, &Denied::Pause(pause));
-                return refusal.with_header("Retry-After", format_args!("{}", pause.as_secs()));
+            Err(NotEntered::Pause(pause)) => {
+                response.header = Some(Header::RetryAfter(pause));
+                return Err(response.error(429, &Denied::Pause(pause)));
             }
-            Err(Refused::Wrong) => return Response::error(401, &Denied::Wrong),
+            Err(NotEntered::Wrong) => return Err(response.error(401, &Denied::Wrong)),
         };
         let (role, now, mut token) = (user.role, Instant::now(), Token::default());
         // A log-in by password implies one.
         let password = user.password.unwrap_or_default();
         if !self.system.random(&mut token) {
-            return Response::error(403, &Denied::NoHash);
+            return Err(response.error(403, &Denied::NoHash));
         }
         let end = gateway.web.begin(token, name.clone(), password, now);
         let expires = end.saturating_duration_since(now).as_secs();
         let head = format_args!("\"user\":{},\"role\":\"{role}\",\"expires_s\":{expires}", Quoted(&name));
         let token = Shown(token);
         if is_told {
-            return Response::json(200, format_args!("{{{head},\"token\":\"{token}\"}}"));
+            response.json(200, format_args!("{{{head},\"token\":\"{token}\"}}"));
+        } else {
+            response.json(200, format_args!("{{{head}}}"));
+            response.header = Some(Header::Cookie(Some(token), self.terms.encrypted));
         }
-        let cookie = format_args!("{COOKIE}={token}; {}", self.cookie_attributes());
-        Response::json(200, format_args!("{{{head}}}")).with_header("Set-Cookie", cookie)
+        Ok(())
     }
 
-    /// A page's scripts cannot read the cookie, and no other page sends it.
-    fn cookie_attributes(&self) -> &'static str {
-        match self.terms.encrypted {
-            true => "HttpOnly; SameSite=Strict; Path=/; Secure",
-            false => "HttpOnly; SameSite=Strict; Path=/",
-        }
+    /// The candidate, where the board has one.
+    pub(super) fn candidate(&self, response: &mut Response<'a, 'g>) -> Result<&'a Candidate, Refused> {
+        self.gateway.candidate().ok_or_else(|| uncommitted(&Uncommitted::Nothing, response))
     }
 
-    fn of_candidate(&self, run: impl FnOnce(&Candidate) -> Result<(), Uncommitted>) -> Response<'a, 'g> {
-        match self.gateway.candidate().ok_or(Uncommitted::Nothing).and_then(run) {
-            Ok(()) => Response::done(),
-            Err(error) => uncommitted(&error),
-        }
+    /// Refuses unless a candidate is open.
+    fn check_candidate(&self, response: &mut Response<'a, 'g>) -> Result<(), Refused> {
+        let settings = self.candidate(response)?.settings();
+        settings.map(drop).map_err(|error| uncommitted(&error, response))
     }
 
-    /// Responds if there is a candidate.
-    fn with_candidate(&self, response: impl FnOnce() -> Response<'a, 'g>) -> Response<'a, 'g> {
-        match self.gateway.candidate().map(|candidate| candidate.settings().map(|_| ())) {
-            Some(Ok(())) => response(),
-            Some(Err(error)) => uncommitted(&error),
-            None => uncommitted(&Uncommitted::Nothing),
-        }
-    }
-
-    async fn change(&self, lines: Lines<'_>, replaces: bool) -> Response<'a, 'g> {
+    async fn change(
+        &self,
+        lines: Lines<'_>,
+        replaces: bool,
+        response: &mut Response<'a, 'g>,
+    ) -> Result<(), Refused> {
         // As many as fit.
         let mut warnings = String::<{ TEXT_BYTES_MAX * 3 / 4 }>::new();
         let mut warn = |line: usize, warning: &crate::language::Warning| {
@@ -182,91 +204,91 @@ impl<'a, 'g, S: Store, U: Update, Y: System> Api<'a, 'g, S, U, Y> {
         };
         match candidate::change(self.gateway, lines, replaces, &mut warn).await {
             Ok(count) => {
-                Response::json(200, format_args!("{{\"changes\":{count},\"warnings\":[{warnings}]}}"))
+                response.json(200, format_args!("{{\"changes\":{count},\"warnings\":[{warnings}]}}"));
+                Ok(())
             }
-            Err(Unchanged::Untaken(error)) => untaken(&error),
-            Err(Unchanged::Uncommitted(error)) => uncommitted(&error),
+            Err(Unchanged::Untaken(error)) => Err(untaken(&error, response)),
+            Err(Unchanged::Uncommitted(error)) => Err(uncommitted(&error, response)),
         }
     }
 
-    async fn commit(&self, caller: &Caller, body: &str) -> Response<'a, 'g> {
-        let (checks, confirmed) = match parse(body, COMMIT) {
-            Ok(members) => (members.is_set("check"), members.number("confirmed")),
-            Err(refusal) => return refusal,
-        };
-        let gateway = self.gateway;
+    async fn commit(
+        &self,
+        caller: &Caller,
+        body: &str,
+        response: &mut Response<'a, 'g>,
+    ) -> Result<(), Refused> {
+        let (checks, confirmed) = parse(body, COMMIT, response)
+            .map(|members| (members.is_set("check"), members.number("confirmed")))?;
         if checks {
-            return self.of_candidate(|candidate| Ok(gateway.check(&*candidate.settings()?)?));
+            let settings = self.candidate(response)?.settings();
+            let checked = settings.and_then(|settings| Ok(self.gateway.check(&*settings)?));
+            return checked.map_err(|error| uncommitted(&error, response));
         }
         let confirmed = confirmed.map(|seconds| Duration::from_secs(seconds.into()));
         if confirmed.is_some_and(|time| !access::may_wait(time)) {
-            return Response::error(422, &"confirmed: expected 10 to 86400 seconds");
+            return Err(response.error(422, &"confirmed: expected 10 to 86400 seconds"));
         }
-        self.put_in_force(caller, confirmed).await
+        self.put_in_force(caller, confirmed, response).await
     }
 
-    async fn confirm(&self, caller: &Caller) -> Response<'a, 'g> {
+    async fn confirm(&self, caller: &Caller, response: &mut Response<'a, 'g>) -> Result<(), Refused> {
         if !self.gateway.candidate().is_some_and(Candidate::is_waiting) {
-            return uncommitted(&Uncommitted::NotWaiting);
+            return Err(uncommitted(&Uncommitted::NotWaiting, response));
         }
-        self.put_in_force(caller, None).await
+        self.put_in_force(caller, None, response).await
     }
 
-    async fn put_in_force(&self, caller: &Caller, confirmed: Option<Duration>) -> Response<'a, 'g> {
+    async fn put_in_force(
+        &self,
+        caller: &Caller,
+        confirmed: Option<Duration>,
+        response: &mut Response<'a, 'g>,
+    ) -> Result<(), Refused> {
         let gateway = self.gateway;
-        let Some(candidate) = gateway.candidate() else { return uncommitted(&Uncommitted::Nothing) };
+        let candidate = self.candidate(response)?;
         match confirmed {
             Some(time) => {
                 let what = format_args!("commit confirmed {}s", time.as_secs());
-                gateway.audit(Topic::Command, caller.actor(), what);
+                gateway.audit(Topic::Command, self.actor(caller), what);
             }
-            None => gateway.audit(Topic::Command, caller.actor(), format_args!("commit")),
+            None => gateway.audit(Topic::Command, self.actor(caller), format_args!("commit")),
         }
         let mut store = self.store.lock().await;
-        match candidate.commit(gateway, *store, confirmed, (caller.actor(), Some(self.port))).await {
-            Ok(()) => Response::done(),
-            Err(error) => uncommitted(&error),
-        }
+        let done = candidate.commit(gateway, *store, confirmed, (self.actor(caller), Some(self.port))).await;
+        done.map_err(|error| uncommitted(&error, response))
     }
 
-    async fn roll_back(&self, caller: &Caller) -> Response<'a, 'g> {
-        let Some(candidate) = self.gateway.candidate() else { return uncommitted(&Uncommitted::NotWaiting) };
-        self.gateway.audit(Topic::Command, caller.actor(), format_args!("rollback"));
-        match candidate.roll_back(self.gateway, caller.actor()).await {
-            Ok(()) => Response::done(),
-            Err(error) => uncommitted(&error),
-        }
+    async fn roll_back(&self, caller: &Caller, response: &mut Response<'a, 'g>) -> Result<(), Refused> {
+        let candidate = self.gateway.candidate();
+        let candidate = candidate.ok_or_else(|| uncommitted(&Uncommitted::NotWaiting, response))?;
+        self.gateway.audit(Topic::Command, self.actor(caller), format_args!("rollback"));
+        let done = candidate.roll_back(self.gateway, self.actor(caller)).await;
+        done.map_err(|error| uncommitted(&error, response))
     }
 
     /// `read`, `write`, `ping`: the request, which is still to be made; or why it cannot be.
-    fn ask(&self, caller: &Caller, ask: Ask, body: &str) -> Response<'a, 'g> {
+    fn ask(
+        &self,
+        caller: &Caller,
+        ask: Ask,
+        body: &str,
+        response: &mut Response<'a, 'g>,
+    ) -> Result<(), Refused> {
         let verb = match ask {
             Ask::Ping => "ping",
             Ask::Read => "read",
             Ask::Write => "write",
         };
-        let line = match line(body, DIRECT, verb) {
-            Ok(line) => line,
-            Err(refusal) => return refusal,
-        };
-        match Asked::new(self.gateway, ask, &line) {
-            Ok(asked) => {
-                if ask == Ask::Write {
-                    self.gateway.audit(Topic::Command, caller.actor(), format_args!("{line}"));
-                }
-                Response::ok(Content::Values(asked, Part::default()))
-            }
-            Err(NotAsked::Line(error)) => Response::wrong_line(None, &line, &error),
-            Err(error @ NotAsked::Request(_)) => Response::error(409, &error),
+        let line = line(body, DIRECT, verb, response)?;
+        let asked = Asked::new(self.gateway, ask, &line).map_err(|error| match error {
+            NotAsked::Line(error) => response.wrong_line(1, &line, &error),
+            error @ NotAsked::Request(_) => response.error(409, &error),
+        })?;
+        if ask == Ask::Write {
+            self.gateway.audit(Topic::Command, self.actor(caller), format_args!("{line}"));
         }
+        response.ok(Content::Values(asked, Part::default()));
+        Ok(())
     }
-}
-
-/// The line of a verb for a body of these members.
-pub(super) fn line<'s, 'g>(
-    body: &str,
-    members: &'static [Member],
-    verb: &str,
-) -> Result<Line, Response<'s, 'g>> {
-    Members::read(body, members).and_then(|members| members.line(verb)).map_err(|error| untaken(&error))
 }

@@ -9,10 +9,10 @@ use super::api::{Api, Call, Caller};
 use super::calls::{line, parse, uncommitted};
 use super::json::Quoted;
 use super::members::{BYTE, Kind, Line, Member, TEXT, WORD, needed, optional};
-use super::response::{Content, Response, Text};
+use super::response::{Content, Message, Refused, Response, Text};
+use super::untaken::cut;
 use crate::console::access::{self, Denied, NotBegun, Running};
 use crate::gateway::audit::Topic;
-use crate::gateway::commit::Uncommitted;
 use crate::gateway::direct_request::DirectRequestError;
 use crate::gateway::reconfigure;
 use crate::hal::{Store, System, Update};
@@ -57,41 +57,43 @@ const PASSWORD: &[Member] = &[needed("user", TEXT), needed("password", TEXT)];
 
 impl<'a, 'g, S: Store, U: Update, Y: System> Api<'a, 'g, S, U, Y> {
     /// `scan`, `tune`, `explain`, and the `write` of a point, which have begun.
-    pub(super) fn command(&self, call: Call, caller: &Caller, body: &str) -> Response<'a, 'g> {
+    pub(super) fn command(
+        &self,
+        call: Call,
+        caller: &Caller,
+        body: &str,
+        response: &mut Response<'a, 'g>,
+    ) -> Result<(), Refused> {
         let (members, verb) = match call {
             Call::Scan => (SCAN, "scan"),
             Call::Tune => (TUNE, "tune"),
             Call::Explain => (EXPLAIN, "explain"),
             _ => (POINT, "write"),
         };
-        let line = match line(body, members, verb) {
-            Ok(line) => line,
-            Err(refusal) => return refusal,
-        };
+        let line = line(body, members, verb, response)?;
         if call == Call::Explain {
-            return self.explain(&line);
+            return self.explain(&line, response);
         }
         let who = (&caller.name, caller.role);
         let mut running = Running::new(self.gateway, self.system, who, self.peer, self.port);
-        match running.begin(&line) {
-            Ok(()) => {}
-            Err(NotBegun::Line(error)) => return Response::wrong_line(None, &line, &error),
-            Err(NotBegun::Failed) => return failed(&running),
-        }
+        running.begin(&line).map_err(|error| match error {
+            NotBegun::Line(error) => response.wrong_line(1, &line, &error),
+            NotBegun::Failed => response.error(409, &failure(&running)),
+        })?;
         self.gateway.web.stop.reset();
         if call == Call::Point {
-            return Response::ok(Content::Point(running));
+            response.ok(Content::Point(running));
+        } else {
+            self.takes_long();
+            response.ok(Content::Job(running));
         }
-        self.takes_long();
-        Response::ok(Content::Job(running))
+        Ok(())
     }
 
-    fn explain(&self, line: &Line) -> Response<'a, 'g> {
+    fn explain(&self, line: &Line, response: &mut Response<'a, 'g>) -> Result<(), Refused> {
         self.gateway.settings(|settings| {
-            let explained = match access::explain(settings, line) {
-                Ok(explained) => explained,
-                Err(error) => return Response::wrong_line(None, line, &error),
-            };
+            let explained = access::explain(settings, line);
+            let explained = explained.map_err(|error| response.wrong_line(1, line, &error))?;
             let mut more = String::<128>::new();
             let (outcome, written) = match explained.decision {
                 Decision::Forward { port, unit, .. } => {
@@ -109,12 +111,13 @@ impl<'a, 'g, S: Store, U: Update, Y: System> Api<'a, 'g, S, U, Y> {
             // Sized for what is written.
             let _ = written.and(rule);
             let text = Quoted(explained.text(settings));
-            Response::json(200, format_args!("{{\"outcome\":\"{outcome}\"{more},\"text\":{text}}}"))
+            response.json(200, format_args!("{{\"outcome\":\"{outcome}\"{more},\"text\":{text}}}"));
+            Ok(())
         })
     }
 
     /// `GET /settings/versions`
-    pub(super) async fn versions(&self) -> Response<'a, 'g> {
+    pub(super) async fn versions(&self, response: &mut Response<'a, 'g>) {
         let mut store = self.store.lock().await;
         let mut json = Text::new();
         for nth in 0.. {
@@ -133,79 +136,77 @@ impl<'a, 'g, S: Store, U: Update, Y: System> Api<'a, 'g, S, U, Y> {
                 break;
             }
         }
-        Response::json(200, format_args!("{{\"versions\":[{json}]}}"))
+        response.json(200, format_args!("{{\"versions\":[{json}]}}"));
     }
 
     /// `POST /settings/versions`
-    pub(super) async fn bring_back(&self, caller: &Caller, body: &str) -> Response<'a, 'g> {
-        let version = match parse(body, VERSION) {
-            Ok(members) => members.number("version").unwrap_or_default(),
-            Err(refusal) => return refusal,
-        };
-        let Some(candidate) = self.gateway.candidate() else { return uncommitted(&Uncommitted::Nothing) };
-        self.gateway.audit(Topic::Command, caller.actor(), format_args!("rollback {version}"));
+    pub(super) async fn bring_back(
+        &self,
+        caller: &Caller,
+        body: &str,
+        response: &mut Response<'a, 'g>,
+    ) -> Result<(), Refused> {
+        let version = parse(body, VERSION, response)?.number("version").unwrap_or_default();
+        let candidate = self.candidate(response)?;
+        self.gateway.audit(Topic::Command, self.actor(caller), format_args!("rollback {version}"));
         let mut store = self.store.lock().await;
-        match candidate.bring_back(self.gateway, *store, version as usize).await {
-            Ok(()) => Response::done(),
-            Err(error) => uncommitted(&error),
-        }
+        let done = candidate.bring_back(self.gateway, *store, version as usize).await;
+        done.map_err(|error| uncommitted(&error, response))
     }
 
     /// `POST /password`: sets it, and saves the settings.
-    pub(super) async fn password(&self, caller: &Caller, body: &str) -> Response<'a, 'g> {
-        let (name, password) = match parse(body, PASSWORD) {
-            Ok(members) => (members.user(), members.password()),
-            Err(refusal) => return refusal,
-        };
+    pub(super) async fn password(
+        &self,
+        caller: &Caller,
+        body: &str,
+        response: &mut Response<'a, 'g>,
+    ) -> Result<(), Refused> {
+        let (name, password) =
+            parse(body, PASSWORD, response).map(|members| (members.user(), members.password()))?;
         if !PASSWORD_BYTES.contains(&password.len()) || password.chars().any(char::is_control) {
-            return Response::error(422, &"a password has 8 to 64 characters");
+            return Err(response.error(422, &"a password has 8 to 64 characters"));
         }
         let gateway = self.gateway;
-        let Some(name) = name.filter(|name| gateway.settings(|settings| settings.user(name).is_some()))
-        else {
-            return Response::error(422, &"there is no such user");
-        };
-        let Some(hash) = self.system.hash_password(&password).await else {
-            return Response::error(409, &Denied::NoHash);
-        };
-        if let Err(error) = reconfigure::set_password(gateway, &name, hash).await {
-            return Response::error(409, &error);
-        }
-        gateway.audit(Topic::Settings, caller.actor(), format_args!("password {name}"));
+        let name = name.filter(|name| gateway.settings(|settings| settings.user(name).is_some()));
+        let name = name.ok_or_else(|| response.error(422, &"there is no such user"))?;
+        let hash = self.system.hash_password(&password).await;
+        let hash = hash.ok_or_else(|| response.error(409, &Denied::NoHash))?;
+        let set = reconfigure::set_password(gateway, &name, hash).await;
+        set.map_err(|error| response.error(409, &error))?;
+        gateway.audit(Topic::Settings, self.actor(caller), format_args!("password {name}"));
         let mut store = self.store.lock().await;
-        store.sign(&caller.actor());
-        match reconfigure::save(gateway, *store, false).await {
-            Ok(()) => Response::done(),
-            Err(error) => Response::error(409, &error),
-        }
+        store.sign(&self.actor(caller));
+        let saved = reconfigure::save(gateway, *store, false).await;
+        saved.map_err(|error| response.error(409, &error))
     }
 }
 
 /// What the command says of its failure.
-pub(super) fn failed<'s, 'g>(running: &Running<'_, '_>) -> Response<'s, 'g> {
+fn failure(running: &Running<'_, '_>) -> Message {
     let text = running.text().trim();
-    Response::error(409, &text.strip_prefix("error: ").unwrap_or(text))
+    cut(text.strip_prefix("error: ").unwrap_or(text))
 }
 
 impl Response<'_, '_> {
-    /// Does what must be over before the status can be told. It is done in place, so that there is one response in memory.
-    pub(super) async fn settle(&mut self) {
+    /// Does what must be over before the status can be told.
+    pub(super) async fn settle(&mut self) -> Result<(), Refused> {
         match &mut self.content {
             Content::Values(asked, _) => match asked.ask().await {
                 Ok(()) => {}
-                Err(DirectRequestError::Broadcast) => *self = Self::json(200, format_args!("{{\"unit\":0}}")),
-                Err(error) => *self = Self::error(409, &error),
+                Err(DirectRequestError::Broadcast) => self.json(200, format_args!("{{\"unit\":0}}")),
+                Err(error) => return Err(self.error(409, &error)),
             },
             Content::Point(running) => {
                 while running.next(pending).await {
                     if running.has_failed() {
-                        *self = failed(running);
-                        return;
+                        let failure = failure(running);
+                        return Err(self.error(409, &failure));
                     }
                 }
-                *self = Self::done();
+                *self = Self::new();
             }
             _ => {}
         }
+        Ok(())
     }
 }

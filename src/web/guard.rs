@@ -4,11 +4,9 @@
 //! gateway's addresses, `localhost` and its mDNS name are accepted as hosts. State-changing requests with a cookie must name their
 //! origin.
 
-use core::net::IpAddr;
-
 use picoserve::request::Headers;
 
-use crate::settings::Settings;
+use crate::settings::{IPV6, Settings};
 
 /// Why a request is refused.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
@@ -47,8 +45,8 @@ pub(super) fn check(headers: Headers<'_>, settings: &Settings, encrypted: bool) 
     let host = check_host(headers, settings, encrypted)?;
     let origin = only(headers, "origin").map_err(|()| Foreign::Origin)?;
     let is_same = |origin: &str| {
-        let (scheme, from) = origin.split_once("://").unwrap_or_default();
-        scheme == if encrypted { "https" } else { "http" } && from.eq_ignore_ascii_case(host)
+        let from = origin.strip_prefix(if encrypted { "https://" } else { "http://" });
+        from.is_some_and(|from| from.eq_ignore_ascii_case(host))
     };
     let site = only(headers, "sec-fetch-site").map_err(|()| Foreign::Origin)?;
     let is_near = site.is_none_or(|site| site == "same-origin" || site == "none");
@@ -65,7 +63,7 @@ fn is_own(host: &str, settings: &Settings) -> bool {
     let name = match host.strip_prefix('[') {
         Some(host) => {
             let Some((address, rest)) = host.split_once(']') else { return false };
-            return is_port(rest) && address.parse().is_ok_and(|address: IpAddr| address.is_ipv6());
+            return IPV6 && is_port(rest) && address.parse::<core::net::Ipv6Addr>().is_ok();
         }
         None => match host.split_once(':') {
             Some((name, port)) if is_port_number(port) => name,

@@ -6,6 +6,7 @@ use heapless::String;
 
 use super::reader::Reader;
 use super::untaken::Untaken;
+use crate::language::parse_address;
 use crate::settings::{ClientRole, Name};
 
 /// Fits the line of a request with 128 values, or a quarter of them without `long-requests`.
@@ -201,7 +202,7 @@ impl Kind {
             Self::Word => is_word,
             Self::Range => is_word && text.bytes().all(|byte| byte.is_ascii_digit() || byte == b'-'),
             Self::Point => is_word && text.starts_with(|char: char| char.is_ascii_alphabetic()),
-            Self::Address => text.parse::<core::net::IpAddr>().is_ok(),
+            Self::Address => parse_address(text).is_some(),
             Self::Role => ClientRole::new(text).is_some(),
             #[cfg(feature = "long-values")] // As the kind.
             Self::Quoted => {

@@ -163,7 +163,9 @@ impl Metrics {
     /// In the format that a client with these headers accepts.
     pub(super) fn of(headers: Headers<'_>) -> Self {
         let accepts = headers.get("accept");
-        let is_open = accepts.is_some_and(|types| types.as_str().is_ok_and(|types| types.contains(OPEN)));
+        let is_open = accepts.is_some_and(|types| {
+            types.as_str().is_ok_and(|types| types.split(',').any(|kind| kind.trim_start().starts_with(OPEN)))
+        });
         Self { is_open, family: 0, place: 0 }
     }
 

@@ -2,6 +2,7 @@
 
 /// A file of the page; there are none.
 pub(super) struct File {
+    pub(super) path: &'static str,
     pub(super) kind: &'static str,
     pub(super) tag: &'static str,
     pub(super) bytes: &'static [u8],

@@ -10,14 +10,17 @@ use picoserve::io::{Read, Write};
 use picoserve::response::chunked::{ChunkWriter, ChunkedResponse, Chunks, ChunksWritten};
 use picoserve::response::{self, Connection, IntoResponse, ResponseWriter, StatusCode};
 
+use super::api::Methods;
+use super::frames;
 use super::job;
 use super::json::Quoted;
 use super::metrics::Metrics;
 use super::page::File;
 use super::piece::{Piece, ShortPiece, Source};
-use super::session;
+use super::session::{self, COOKIE, Shown};
 use super::settings::{Schema, Written};
 use super::status::Status;
+use super::untaken::cut;
 use crate::console::access::{Asked, Running};
 use crate::console::diff::restarting;
 use crate::gateway::Gateway;
@@ -29,7 +32,7 @@ use crate::language::LineError;
 pub(super) const TEXT_BYTES_MAX: usize = if cfg!(feature = "long-requests") { 2_048 } else { 768 };
 pub(super) type Text = String<TEXT_BYTES_MAX>;
 /// A message, which is cut if it is longer.
-type Message = String<{ TEXT_BYTES_MAX / 4 }>;
+pub(super) type Message = String<{ TEXT_BYTES_MAX / 4 }>;
 
 /// Time between two events of live values.
 const LIVE_PAUSE: Duration = Duration::from_secs(1);
@@ -46,8 +49,8 @@ const HEADERS: &[(&str, &str)] = &[
     ("Content-Security-Policy", "default-src 'none'; frame-ancestors 'none'"),
 ];
 
-/// Those, or those of a file, and two more.
-const HEADERS_MAX: usize = 6;
+/// Those, or those of a file with its tag, and one of [`Header`].
+const HEADERS_MAX: usize = 7;
 
 /// Sent with each file of the page: it runs its own scripts only, and is no part of another page. A browser asks whether it has changed.
 const FILE_HEADERS: &[(&str, &str)] = &[
@@ -58,12 +61,13 @@ const FILE_HEADERS: &[(&str, &str)] = &[
         "Content-Security-Policy",
         "default-src 'self'; base-uri 'none'; form-action 'self'; object-src 'none'; frame-ancestors 'none'",
     ),
+    ("Content-Encoding", "gzip"),
 ];
 
-/// The response to a request.
+/// The response to a request. It is made where it stays: it is large, and there is no heap.
 pub(super) struct Response<'s, 'g> {
     status: u16,
-    header: Option<(&'static str, String<128>)>,
+    pub(super) header: Option<Header>,
     pub(super) content: Content<'s, 'g>,
 }
 
@@ -91,6 +95,51 @@ pub(super) enum Content<'s, 'g> {
     Metrics(Metrics),
 }
 
+/// A header of one response.
+pub(super) enum Header {
+    /// What the path takes.
+    Allow(Methods),
+    /// A log-in is needed.
+    Authenticate,
+    RetryAfter(Duration),
+    /// The session, which nothing but TLS may carry if it is `true`; without one, its end.
+    Cookie(Option<Shown>, bool),
+}
+
+impl Header {
+    const fn name(&self) -> &'static str {
+        match self {
+            Self::Allow(_) => "Allow",
+            Self::Authenticate => "WWW-Authenticate",
+            Self::RetryAfter(_) => "Retry-After",
+            Self::Cookie(..) => "Set-Cookie",
+        }
+    }
+}
+
+impl Display for Header {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Allow(methods) => methods.fmt(f),
+            Self::Authenticate => f.write_str("Bearer"),
+            Self::RetryAfter(pause) => pause.as_secs().fmt(f),
+            Self::Cookie(token, encrypted) => {
+                write!(f, "{COOKIE}=")?;
+                let ends = token.is_none();
+                token.iter().try_for_each(|token| token.fmt(f))?;
+                // The page's scripts cannot read it, and no other page sends it.
+                f.write_str("; HttpOnly; SameSite=Strict; Path=/")?;
+                f.write_str(if *encrypted { "; Secure" } else { "" })?;
+                f.write_str(if ends { "; Max-Age=0" } else { "" })
+            }
+        }
+    }
+}
+
+/// The response tells why.
+#[derive(Debug)]
+pub(super) struct Refused;
+
 /// How far an object has been written.
 #[derive(Default, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Part {
@@ -104,39 +153,46 @@ pub(super) enum Part {
 }
 
 impl<'s, 'g> Response<'s, 'g> {
-    pub(super) fn ok(content: Content<'s, 'g>) -> Self {
-        Self { status: 200, header: None, content }
-    }
-
     /// Done, without content.
-    pub(super) fn done() -> Self {
+    pub(super) fn new() -> Self {
         Self { status: 204, header: None, content: Content::Nothing }
     }
 
-    /// A short object.
-    pub(super) fn json(status: u16, text: fmt::Arguments<'_>) -> Self {
-        let mut json = Text::new();
-        // Sized for what is written.
-        let _ = json.write_fmt(text);
-        Self { status, header: None, content: Content::Json(json) }
+    /// Responds with `content`.
+    pub(super) fn ok(&mut self, content: Content<'s, 'g>) {
+        (self.status, self.content) = (200, content);
     }
 
-    /// An error with its message.
-    pub(super) fn error(status: u16, what: &dyn Display) -> Self {
+    /// Responds with a file, unless the browser has it.
+    pub(super) fn file(&mut self, file: &'static File, is_known: bool) {
+        (self.status, self.content) = (if is_known { 304 } else { 200 }, Content::File(file, is_known));
+    }
+
+    /// Responds with a short object.
+    pub(super) fn json(&mut self, status: u16, json: fmt::Arguments<'_>) {
+        (self.status, self.content) = (status, Content::Json(Text::new()));
+        if let Content::Json(text) = &mut self.content {
+            // Sized for what is written.
+            let _ = text.write_fmt(json);
+        }
+    }
+
+    /// Responds with an error and its message.
+    pub(super) fn error(&mut self, status: u16, what: &dyn Display) -> Refused {
         let mut message = Message::new();
         // See `Message`.
         let _ = write!(message, "{what}");
-        Self::json(status, format_args!("{{\"error\":{{\"message\":{}}}}}", Quoted(message)))
+        self.json(status, format_args!("{{\"error\":{{\"message\":{}}}}}", Quoted(message)));
+        Refused
     }
 
-    /// An error in line `number` of a text, or in the line that was made of a request.
-    pub(super) fn wrong_line(number: Option<usize>, line: &str, error: &LineError) -> Self {
-        let (mut message, mut text) = (Message::new(), Message::new());
+    /// Responds with an error in line `number` of a text, or in the line that was made of a request.
+    pub(super) fn wrong_line(&mut self, number: usize, line: &str, error: &LineError) -> Refused {
+        let mut message = Message::new();
         // See `Message`.
         let _ = write!(message, "{error}");
-        line.chars().take_while(|char| text.push(*char).is_ok()).for_each(drop);
-        let number = number.unwrap_or(1);
-        Self::json(
+        let text: Message = cut(line);
+        self.json(
             422,
             format_args!(
                 "{{\"error\":{{\"message\":{},\"line\":{number},\"column\":{},\"word\":{},\"text\":{}}}}}",
@@ -145,19 +201,11 @@ impl<'s, 'g> Response<'s, 'g> {
                 Quoted(&error.word),
                 Quoted(text)
             ),
-        )
+        );
+        Refused
     }
 
-    /// Adds a header.
-    pub(super) fn with_header(mut self, name: &'static str, value: fmt::Arguments<'_>) -> Self {
-        let mut text = String::new();
-        // Sized for what is written.
-        let _ = text.write_fmt(value);
-        self.header = Some((name, text));
-        self
-    }
-
-    /// Sends it. It stays where it is: a future has its arguments twice.
+    /// Sends it.
     pub(super) async fn send<R: Read, W: ResponseWriter<Error = R::Error>>(
         &mut self,
         source: Source<'_, '_>,
@@ -171,37 +219,30 @@ impl<'s, 'g> Response<'s, 'g> {
         };
         let held = hold.map(|(hold, full)| source.gateway.web.hold(hold).ok_or(full));
         if let Some(Err(full)) = held {
-            *self = Self::error(409, &full);
+            self.error(409, &full);
         }
         let Self { status, header, content } = self;
-        let mut status = StatusCode::new(*status);
-        let mut headers = Vec::<(&str, &str), HEADERS_MAX>::new();
-        let always = if matches!(content, Content::File(..)) { FILE_HEADERS } else { HEADERS };
-        // There is room for all of them, here and below.
-        let _ = headers.extend_from_slice(always);
-        let own = header.as_ref().map(|(name, value)| (*name, value.as_str()));
-        let _ = headers.extend_from_slice(own.as_slice());
-        let (kind, bytes) = match content {
-            Content::Nothing => {
-                let response = response::Response::empty(status).with_headers(&*headers);
-                return response.write_to(connection, writer).await;
-            }
-            Content::Json(text) => ("application/json", text.as_bytes()),
-            Content::File(file, is_known) => {
-                let _ = headers.extend_from_slice(&[("Content-Encoding", "gzip"), ("ETag", file.tag)]);
-                if *is_known {
-                    status = StatusCode::NOT_MODIFIED;
-                }
-                (file.kind, if *is_known { &[][..] } else { file.bytes })
-            }
-            content => {
-                let response = ChunkedResponse::new(Pieces { source, content }).into_response();
-                let response = response.with_status_code(status).with_headers(&*headers);
-                return response.write_to(connection, writer).await;
-            }
+        let status = StatusCode::new(*status);
+        let mut headers = Vec::<(&str, &dyn Display), HEADERS_MAX>::new();
+        let mut push = |name, value| {
+            // There is room for all of them.
+            let _ = headers.push((name, value));
         };
-        let response = response::Response::new(status, bytes).with_content_type(kind);
-        response.with_headers(&*headers).write_to(connection, writer).await
+        let always = if matches!(content, Content::File(..)) { FILE_HEADERS } else { HEADERS };
+        always.iter().for_each(|(name, value)| push(name, value));
+        if let Content::File(file, _) = content {
+            push("ETag", &file.tag);
+        }
+        if let Some(header) = header {
+            push(header.name(), header);
+        }
+        if matches!(content, Content::Nothing | Content::File(_, true)) {
+            let response = response::Response::empty(status).with_headers(&*headers);
+            return response.write_to(connection, writer).await;
+        }
+        let response = ChunkedResponse::new(Pieces { source, content }).into_response();
+        let response = response.with_status_code(status).with_headers(&*headers);
+        response.write_to(connection, writer).await
     }
 }
 
@@ -214,6 +255,7 @@ struct Pieces<'a, 'b, 's, 'g> {
 impl Chunks for Pieces<'_, '_, '_, '_> {
     fn content_type(&self) -> &'static str {
         match *self.content {
+            Content::File(file, _) => file.kind,
             Content::Settings(ref written) if !written.is_json() => TEXT,
             Content::Job(_) => TEXT,
             Content::Frames(_) => "application/x-pcapng",
@@ -226,8 +268,10 @@ impl Chunks for Pieces<'_, '_, '_, '_> {
     async fn write_chunks<W: Write>(self, mut writer: ChunkWriter<W>) -> Result<ChunksWritten, W::Error> {
         let Self { source, content } = self;
         match content {
+            Content::Json(text) => writer.write_chunk(text.as_bytes()).await?,
+            Content::File(file, _) => writer.write_chunk(file.bytes).await?,
             Content::Job(running) => job::run(&source, running, &mut writer).await?,
-            Content::Frames(token) => job::frames(&source, token, &mut writer).await?,
+            Content::Frames(token) => frames::send(&source, token, &mut writer).await?,
             _ => {}
         }
         loop {

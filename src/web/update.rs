@@ -6,7 +6,7 @@ use picoserve::request::RequestBody;
 
 use super::api::{Api, Caller};
 use super::json::Quoted;
-use super::response::Response;
+use super::response::{Refused, Response};
 use super::transport::Life;
 use crate::gateway::audit::Topic;
 use crate::hal::{FirmwareState, Store, System, Update, UpdateError, Version};
@@ -93,17 +93,12 @@ impl<R: Read> Upload<'_, R> {
 
 impl<'a, 'g, S: Store, U: Update, Y: System> Api<'a, 'g, S, U, Y> {
     /// `GET /update`
-    pub(super) fn firmware(&self) -> Response<'a, 'g> {
+    pub(super) fn firmware(&self, response: &mut Response<'a, 'g>) {
         let (version, board) = (env!("CARGO_PKG_VERSION"), Quoted(self.system.name()));
+        let head = format_args!("\"version\":\"{version}\",\"board\":{board}");
         match self.system.firmware() {
-            Some(state) => {
-                let state = Quoted(state);
-                Response::json(
-                    200,
-                    format_args!("{{\"version\":\"{version}\",\"board\":{board},\"state\":{state}}}"),
-                )
-            }
-            None => Response::json(200, format_args!("{{\"version\":\"{version}\",\"board\":{board}}}")),
+            Some(state) => response.json(200, format_args!("{{{head},\"state\":{}}}", Quoted(state))),
+            None => response.json(200, format_args!("{{{head}}}")),
         }
     }
 
@@ -112,10 +107,11 @@ impl<'a, 'g, S: Store, U: Update, Y: System> Api<'a, 'g, S, U, Y> {
         &self,
         caller: &Caller,
         body: RequestBody<'_, R>,
-    ) -> Response<'a, 'g> {
+        response: &mut Response<'a, 'g>,
+    ) -> Result<(), Refused> {
         let left = body.content_length();
         if left > IMAGE_BYTES_MAX {
-            return Response::error(413, &UpdateError::TooLong);
+            return Err(response.error(413, &UpdateError::TooLong));
         }
         self.life.takes_upload(left);
         self.life.lasts(SILENCE_MAX);
@@ -123,26 +119,27 @@ impl<'a, 'g, S: Store, U: Update, Y: System> Api<'a, 'g, S, U, Y> {
         let taken = upload.write(&mut **self.update.lock().await).await;
         match taken {
             Ok(version) => {
-                let (gateway, actor) = (self.gateway, caller.actor());
+                let (gateway, actor) = (self.gateway, self.actor(caller));
                 gateway.audit(Topic::Update, actor, format_args!("update to {version}"));
                 self.life.restarts.set(true);
-                Response::json(200, format_args!("{{\"version\":{}}}", Quoted(version)))
+                response.json(200, format_args!("{{\"version\":{}}}", Quoted(version)));
+                Ok(())
             }
             Err(why) => {
-                self.gateway.audit(Topic::Update, caller.actor(), format_args!("update failed: {why}"));
+                self.gateway.audit(Topic::Update, self.actor(caller), format_args!("update failed: {why}"));
                 upload.drop_rest().await;
-                Response::error(why.status(), &why)
+                Err(response.error(why.status(), &why))
             }
         }
     }
 
     /// `DELETE /update`: a restart reverts firmware on trial.
-    pub(super) fn go_back(&self, caller: &Caller) -> Response<'a, 'g> {
+    pub(super) fn go_back(&self, caller: &Caller, response: &mut Response<'a, 'g>) -> Result<(), Refused> {
         if self.system.firmware() != Some(FirmwareState::OnTrial) {
-            return Response::error(409, &"nothing is on trial that could be taken back");
+            return Err(response.error(409, &"nothing is on trial that could be taken back"));
         }
-        self.gateway.audit(Topic::Update, caller.actor(), format_args!("update taken back"));
+        self.gateway.audit(Topic::Update, self.actor(caller), format_args!("update taken back"));
         self.life.restarts.set(true);
-        Response::done()
+        Ok(())
     }
 }

@@ -72,7 +72,10 @@ async fn received(stream: &mut ClientStream) -> (u16, String) {
     }
     let text = String::from_utf8(all).unwrap();
     let status = text.split(' ').nth(1).and_then(|status| status.parse().ok());
-    (status.unwrap_or(0), text.split_once("\r\n\r\n").map(|(_, body)| body.to_owned()).unwrap_or_default())
+    let body = text.split_once("\r\n\r\n").map(|(_, body)| body).unwrap_or_default();
+    // One chunk behind its length, and the end.
+    let chunk = body.split_once("\r\n").and_then(|(_, chunk)| chunk.strip_suffix("\r\n0\r\n\r\n"));
+    (status.unwrap_or(0), chunk.unwrap_or_default().to_owned())
 }
 
 /// Lets `scenario` call a gateway with two connections for the interface.

@@ -70,9 +70,11 @@ fn ask(port: u16, head: &str, body: &str) -> TcpStream {
 fn length(port: u16, path: &str) -> f64 {
     let mut response = Vec::new();
     ask(port, &format!("GET {path} HTTP/1.1\r\n"), "").read_to_end(&mut response).unwrap();
-    let head = String::from_utf8_lossy(&response).into_owned();
-    let length = head.lines().find_map(|line| line.strip_prefix("Content-Length: "));
-    length.and_then(|length| length.parse().ok()).unwrap_or_else(|| panic!("{path}: {head}"))
+    let text = String::from_utf8_lossy(&response).into_owned();
+    // A file is one chunk, which begins with its length.
+    let length = text.split_once("\r\n\r\n").and_then(|(_, chunk)| chunk.split("\r\n").next());
+    let length = length.and_then(|length| u32::from_str_radix(length, 16).ok());
+    f64::from(length.unwrap_or_else(|| panic!("{path}: {text}")))
 }
 
 fn log_in(port: u16) -> String {

@@ -24,6 +24,8 @@ pub(crate) struct Response {
     pub(crate) status: u16,
     head: String,
     pub(crate) body: String,
+    /// Of the body.
+    pub(crate) bytes: usize,
 }
 
 impl Request {
@@ -101,7 +103,8 @@ impl Request {
         let (head, body) = received.split_once("\r\n\r\n").unwrap();
         // The last chunk may not be complete: an end is added.
         let whole = &body[..body.rfind("\n\n").unwrap() + 2];
-        let text = chunks(&format!("{whole}\r\n0\r\n"));
+        let text = chunks(format!("{whole}\r\n0\r\n").as_bytes());
+        let text = String::from_utf8(text).unwrap();
         let events = text.split_terminator("\n\n").map(|event| event.strip_prefix("data: ").unwrap());
         (head.to_owned(), events.map(|event| serde_json::from_str(event).unwrap()).collect(), stream)
     }
@@ -117,13 +120,16 @@ impl Request {
 impl Response {
     fn parse(received: &[u8]) -> Self {
         let text = String::from_utf8_lossy(received).into_owned();
-        let (head, body) = text.split_once("\r\n\r\n").unwrap_or_else(|| panic!("no response: {text:?}"));
+        let (head, body) = split(received, b"\r\n\r\n").unwrap_or_else(|| panic!("no response: {text:?}"));
+        let head = String::from_utf8(head.to_vec()).unwrap();
         let status = head.split(' ').nth(1).unwrap().parse().unwrap();
-        let mut response = Self { status, head: head.to_owned(), body: String::new() };
-        response.body = match response.header("Transfer-Encoding") {
+        let mut response = Self { status, head, body: String::new(), bytes: 0 };
+        let body = match response.header("Transfer-Encoding") {
             Some("chunked") => chunks(body),
-            _ => body.to_owned(),
+            _ => body.to_vec(),
         };
+        response.bytes = body.len();
+        response.body = String::from_utf8_lossy(&body).into_owned();
         response
     }
 
@@ -142,15 +148,21 @@ impl Response {
     }
 }
 
-fn chunks(mut text: &str) -> String {
-    let mut body = String::new();
+/// What is before and behind `separator`.
+fn split<'b>(bytes: &'b [u8], separator: &[u8]) -> Option<(&'b [u8], &'b [u8])> {
+    let at = bytes.windows(separator.len()).position(|window| window == separator)?;
+    Some((&bytes[..at], &bytes[at + separator.len()..]))
+}
+
+fn chunks(mut rest: &[u8]) -> Vec<u8> {
+    let mut body = Vec::new();
     loop {
-        let (length, rest) = text.split_once("\r\n").expect("a chunk");
-        let length = usize::from_str_radix(length, 16).unwrap();
+        let (length, behind) = split(rest, b"\r\n").expect("a chunk");
+        let length = usize::from_str_radix(str::from_utf8(length).unwrap(), 16).unwrap();
         if length == 0 {
             return body;
         }
-        body.push_str(&rest[..length]);
-        text = rest[length..].strip_prefix("\r\n").unwrap();
+        body.extend_from_slice(&behind[..length]);
+        rest = behind[length..].strip_prefix(b"\r\n").unwrap();
     }
 }

@@ -5,10 +5,10 @@
 //! was read, and values that it has replaced are counted. So a broker that is slow or gone costs no memory.
 
 mod answer;
+mod changes;
 mod command;
 mod discovery;
 mod link;
-mod look;
 mod mark;
 mod payload;
 mod session;
@@ -107,7 +107,7 @@ impl Source<'_, '_> {
     /// Notes changes while there is no connection, so that what is lost is counted.
     async fn watch(&self, session: &mut Session) -> Infallible {
         loop {
-            self.look(session);
+            self.mark_changed(session);
             self.state.values.wait().await;
         }
     }

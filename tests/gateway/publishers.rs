@@ -78,7 +78,7 @@ fn a_change_is_sent_at_once_and_what_does_not_change_every_minute() {
             }
             let begin = Instant::now();
             world.run_for(600 * SECOND);
-            // Each comes with the first look after its minute.
+            // Each comes with the first check after its minute.
             assert!((9..=10).contains(&since(broker, COUNT, begin).len()));
             assert!(broker.pings() > 0);
         });

@@ -7,7 +7,7 @@ use embassy_time::{Duration, Instant, Timer, with_timeout};
 use embedded_io_async::{Read, Write};
 
 use super::discovery::{Announced, behind};
-use super::mark::moment;
+use super::mark::sample;
 use super::session::{Open, SUBSCRIPTION, Session};
 use super::source::Source;
 use crate::gateway::Status;
@@ -23,8 +23,8 @@ const KEEP_ALIVE_S: u16 = 30;
 const PONG_MAX: Duration = Duration::from_secs(10);
 /// Time limit of a packet.
 const SEND_MAX: Duration = Duration::from_secs(30);
-/// Distance of looks at the points even if nothing happens: values grow old.
-const LOOK: Duration = Duration::from_secs(1);
+/// The points are checked this often even if nothing happens: values grow old.
+const CHECK_PERIOD: Duration = Duration::from_secs(1);
 /// From here on reasons are refusals (5: 2.4; 3.1.1: 3.9.3).
 const REFUSALS: u8 = 0x80;
 
@@ -69,17 +69,18 @@ async fn send(stream: &mut impl Write, packet: &[u8]) -> Result<(), OpenError> {
 }
 
 /// When packets came and went.
-struct Pulse {
-    keep_alive: Duration,
+struct KeepAlive {
+    /// Longest time between packets.
+    period: Duration,
     sent: Instant,
     /// When a ping was sent that has no response yet.
     asked: Option<Instant>,
 }
 
-impl Pulse {
+impl KeepAlive {
     /// When it is time for a ping, or too late for the response.
     fn due(&self) -> Instant {
-        self.asked.map_or(self.sent + self.keep_alive / 2, |asked| asked + PONG_MAX)
+        self.asked.map_or(self.sent + self.period / 2, |asked| asked + PONG_MAX)
     }
 }
 
@@ -99,7 +100,7 @@ impl Source<'_, '_> {
             stream.secure(crate::settings::publisher_id(self.nth), Some(&publisher.broker)).await?;
         }
         let (prefix, name) = (&publisher.topic, &publisher.name);
-        let hello = mqtt::connect(&Connect {
+        let packet = mqtt::connect(&Connect {
             version: publisher.version,
             client: format_args!("{prefix}-{name}"),
             user: &publisher.user,
@@ -107,7 +108,7 @@ impl Source<'_, '_> {
             keep_alive: KEEP_ALIVE_S,
             will: (format_args!("{prefix}/{name}/status"), "offline"),
         });
-        send(&mut stream, &hello.unwrap_or_default()).await?;
+        send(&mut stream, &packet.unwrap_or_default()).await?;
         loop {
             match inbox.next(publisher.version)? {
                 Some(Received::Connected(Ok(accepted))) => return Ok((stream, accepted)),
@@ -135,28 +136,28 @@ impl Source<'_, '_> {
             return Err(NO_QOS);
         }
         self.begin(stream, accepted, session).await?;
-        let keep_alive = Duration::from_secs(accepted.keep_alive.unwrap_or(KEEP_ALIVE_S).max(1).into());
-        let mut pulse = Pulse { keep_alive, sent: Instant::now(), asked: None };
+        let period = Duration::from_secs(accepted.keep_alive.unwrap_or(KEEP_ALIVE_S).max(1).into());
+        let mut alive = KeepAlive { period, sent: Instant::now(), asked: None };
         loop {
             while let Some(received) = inbox.next(self.publisher.version)? {
-                pulse.asked = None;
+                alive.asked = None;
                 self.take(received, session)?;
             }
-            if Instant::now() >= pulse.due() {
-                if pulse.asked.is_some() {
+            if Instant::now() >= alive.due() {
+                if alive.asked.is_some() {
                     return Err(SILENT);
                 }
                 send(stream, &mqtt::PING).await?;
-                (pulse.asked, pulse.sent) = (Some(Instant::now()), Instant::now());
+                (alive.asked, alive.sent) = (Some(Instant::now()), Instant::now());
             }
-            self.look(session);
+            self.mark_changed(session);
             self.settle(session);
             while self.send_next(stream, accepted, session).await? {
-                pulse.sent = Instant::now();
+                alive.sent = Instant::now();
             }
             self.state.report(|report| report.queued = session.queued());
-            let next = Instant::now() + LOOK;
-            let due = session.due().map_or(next, |due| due.min(next)).min(pulse.due());
+            let next = Instant::now() + CHECK_PERIOD;
+            let due = session.due().map_or(next, |due| due.min(next)).min(alive.due());
             match select3(stream.read(inbox.room()), self.state.values.wait(), Timer::at(due)).await {
                 Either3::First(Ok(0)) => return Err(CLOSED),
                 Either3::First(Ok(count)) => inbox.arrived(count),
@@ -329,12 +330,12 @@ impl Make<'_, '_, '_> {
                 let point = settings.points.get(nth)?;
                 let topic = format_args!("{}/points/{}", self.source.publisher.topic, point.name);
                 let message = self.message(topic, true, &[]);
-                // Value, quality and time are those of one moment.
+                // Value, quality and time are those of one time.
                 scanner.with(|scanner| {
-                    let moment = moment(scanner, id, now)?;
-                    mark.sent(&moment, now);
+                    let sample = sample(scanner, id, now)?;
+                    mark.sent(&sample, now);
                     let cells = scanner.input(id);
-                    Some(mqtt::publish(&message, |out| self.source.write_value(point, cells, &moment, out)))
+                    Some(mqtt::publish(&message, |out| self.source.write_value(point, cells, &sample, out)))
                 })
             });
             if made.is_some() {

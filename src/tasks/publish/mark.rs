@@ -1,4 +1,4 @@
-//! What is known of a point: its value and quality at one moment, and whether that is to be sent.
+//! What is known of a point: its value and quality at one time, and whether that is to be sent.
 
 use embassy_time::{Duration, Instant};
 
@@ -28,9 +28,9 @@ impl Quality {
     }
 }
 
-/// A value at one moment.
+/// A value at one time.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Moment {
+pub(super) struct Sample {
     pub(super) quality: Quality,
     /// When it was read.
     pub(super) read: Option<Instant>,
@@ -52,16 +52,16 @@ impl Mark {
     /// Of a point that was never sent.
     pub(super) const NEW: Self = Self { waits: true, last: None, sent: Instant::MIN };
 
-    /// Notes that the value of `moment` is sent.
-    pub(super) fn sent(&mut self, moment: &Moment, now: Instant) {
-        *self = Self { waits: false, last: Some((moment.sum, moment.quality)), sent: now };
+    /// Notes that the value of `sample` is sent.
+    pub(super) fn sent(&mut self, sample: &Sample, now: Instant) {
+        *self = Self { waits: false, last: Some((sample.sum, sample.quality)), sent: now };
     }
 
     /// Notes what the value is now. Returns whether that replaces one that was not sent.
-    pub(super) fn look(&mut self, moment: &Moment, now: Instant, every: Duration) -> bool {
-        let new = (moment.sum, moment.quality);
+    pub(super) fn update(&mut self, sample: &Sample, now: Instant, every: Duration) -> bool {
+        let new = (sample.sum, sample.quality);
         let is_other = self.last != Some(new);
-        let replaces = self.waits && self.last.is_some_and(|(sum, _)| sum != moment.sum);
+        let replaces = self.waits && self.last.is_some_and(|(sum, _)| sum != sample.sum);
         self.last = Some(new);
         self.waits |= is_other || now.saturating_duration_since(self.sent) >= every;
         replaces
@@ -76,7 +76,7 @@ fn sum(bytes: &[u8]) -> u64 {
 }
 
 /// The value of a row at `now`; `None` while the value is being written: it is known soon.
-pub(super) fn moment(scanner: &Scanner, id: RowId, now: Instant) -> Option<Moment> {
+pub(super) fn sample(scanner: &Scanner, id: RowId, now: Instant) -> Option<Sample> {
     let shown = scanner.row(id)?;
     let row = shown.of.map_or(Some(shown), |of| scanner.row(of))?;
     let (status, age) = (scanner.status(id, now), scanner.age(id, now));
@@ -103,7 +103,7 @@ pub(super) fn moment(scanner: &Scanner, id: RowId, now: Instant) -> Option<Momen
     };
     let read = age.filter(|_| quality != Quality::Written).map(|age| now - age);
     let sum = if is_known { sum(scanner.input(id)) } else { 0 };
-    Some(Moment { quality, read, is_known, sum })
+    Some(Sample { quality, read, is_known, sum })
 }
 
 #[cfg(test)]
@@ -114,20 +114,20 @@ mod tests {
     fn a_value_is_marked_when_it_changes_and_when_it_was_not_sent_for_long() {
         let every = Duration::from_secs(60);
         let at = |s| Instant::from_secs(s);
-        let value = |sum| Moment { quality: Quality::Good, read: None, is_known: true, sum };
+        let value = |sum| Sample { quality: Quality::Good, read: None, is_known: true, sum };
         let mut mark = Mark::NEW;
-        assert!(!mark.look(&value(1), at(1), every) && mark.waits);
-        assert!(!mark.look(&value(1), at(1), every) && mark.waits);
+        assert!(!mark.update(&value(1), at(1), every) && mark.waits);
+        assert!(!mark.update(&value(1), at(1), every) && mark.waits);
         // Nobody has got it.
-        assert!(mark.look(&value(2), at(2), every));
+        assert!(mark.update(&value(2), at(2), every));
         mark.sent(&value(2), at(3));
-        assert!(!mark.look(&value(2), at(4), every) && !mark.waits);
-        assert!(!mark.look(&value(3), at(5), every) && mark.waits);
+        assert!(!mark.update(&value(2), at(4), every) && !mark.waits);
+        assert!(!mark.update(&value(3), at(5), every) && mark.waits);
         mark.sent(&value(3), at(5));
-        assert!(!mark.look(&value(3), at(64), every) && !mark.waits);
-        assert!(!mark.look(&value(3), at(65), every) && mark.waits);
+        assert!(!mark.update(&value(3), at(64), every) && !mark.waits);
+        assert!(!mark.update(&value(3), at(65), every) && mark.waits);
         mark.sent(&value(3), at(65));
-        let stale = Moment { quality: Quality::Stale, ..value(3) };
-        assert!(!mark.look(&stale, at(66), every) && mark.waits);
+        let stale = Sample { quality: Quality::Stale, ..value(3) };
+        assert!(!mark.update(&stale, at(66), every) && mark.waits);
     }
 }

@@ -5,7 +5,7 @@ use core::fmt::{self, Write};
 use embassy_time::Instant;
 use heapless::String;
 
-use super::mark::Moment;
+use super::mark::Sample;
 use super::source::Source;
 use crate::console::Values;
 use crate::gateway::audit::{AuditLine, Stamp};
@@ -33,14 +33,14 @@ impl Source<'_, '_> {
         &self,
         point: &PointSettings,
         cells: &[u8],
-        moment: &Moment,
+        sample: &Sample,
         out: &mut dyn Write,
     ) -> fmt::Result {
         out.write_str("{\"value\":")?;
         let PointSettings { value, scale, .. } = *point;
         let values = Values { value, scale, cells, range: 0..point.count.into() };
         match point.count {
-            _ if !moment.is_known => out.write_str("null")?,
+            _ if !sample.is_known => out.write_str("null")?,
             1 => values.write_json(0, out)?,
             _ => {
                 for nth in values.range.clone() {
@@ -50,8 +50,8 @@ impl Source<'_, '_> {
                 out.write_str("]")?;
             }
         }
-        write!(out, ",\"quality\":\"{}\",\"time\":", moment.quality.name())?;
-        match moment.read {
+        write!(out, ",\"quality\":\"{}\",\"time\":", sample.quality.name())?;
+        match sample.read {
             Some(read) => self.write_time(read, out)?,
             None => out.write_str("null")?,
         }

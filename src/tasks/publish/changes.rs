@@ -2,14 +2,14 @@
 
 use embassy_time::Instant;
 
-use super::mark::moment;
+use super::mark::sample;
 use super::session::Session;
 use super::source::Source;
 use crate::scanner::RowId;
 
 impl Source<'_, '_> {
     /// Marks the points that are to be sent, and counts values that are replaced before.
-    pub(super) fn look(&self, session: &mut Session) {
+    pub(super) fn mark_changed(&self, session: &mut Session) {
         let Some(scanner) = self.gateway.scanner() else { return };
         let (now, every) = (Instant::now(), self.publisher.every);
         let count = scanner.with(|scanner| scanner.rows());
@@ -19,8 +19,8 @@ impl Source<'_, '_> {
                 mark.waits = false;
                 continue;
             }
-            let moment = scanner.with(|scanner| moment(scanner, RowId(nth as u8), now));
-            replaced += u32::from(moment.is_some_and(|moment| mark.look(&moment, now, every)));
+            let sample = scanner.with(|scanner| sample(scanner, RowId(nth as u8), now));
+            replaced += u32::from(sample.is_some_and(|sample| mark.update(&sample, now, every)));
         }
         self.state.report(|report| {
             report.lost = report.lost.wrapping_add(replaced);

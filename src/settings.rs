@@ -33,10 +33,10 @@ mod whole;
 
 pub(crate) use self::address::{Address, Endpoint, IPV6, canonical};
 pub use self::address::{Allowed, IpPrefix, Prefixes};
-pub use self::ethercat::{EthercatSettings, InterfaceName, OnLoss};
 #[cfg(any(feature = "files", test))] // As the word; tests make settings of any kind.
 pub(crate) use self::ethercat::FileRights;
 pub(crate) use self::ethercat::INTERFACE_BYTES_MAX;
+pub use self::ethercat::{EthercatSettings, InterfaceName, OnLoss};
 pub(crate) use self::field::{Count, Field};
 pub use self::functions::Functions;
 // As its port.

@@ -15,6 +15,7 @@ use embassy_sync::signal::Signal;
 use crate::capture::{CAPTURE, Capture};
 use crate::fieldbus::EthercatState;
 use crate::frame::{Channel, Envelope, Frame, FramePool, FrameWriter, Origin, ReplyTo, Stage};
+use crate::language::LineBuffer;
 use crate::modbus::Exception;
 use crate::scanner::{POINTS, ScannerState};
 use crate::settings::{AUDIT, OwnNetwork, PUBLISHERS_MAX, PortId, Settings};
@@ -86,7 +87,7 @@ use self::log_in::Attempts;
 use self::port_state::ServerState;
 pub use self::port_state::{PortAt, PortState, Ports, Status};
 use self::publishers::state::{PublisherState, PublisherStates};
-use self::shared::{Draft, Shared};
+use self::shared::{Draft, Shared, StoredLine};
 use self::socket::Socket;
 use self::turns::Turns;
 use self::unit_health::AllUnits;
@@ -105,6 +106,8 @@ pub struct Gateway<'g> {
     settings: Shared<Settings>,
     /// Settings being changed, loaded or saved.
     pub(crate) draft: Draft,
+    /// The line that is being loaded or saved. It is long, so all consoles share it.
+    stored_line: StoredLine,
     /// Whether the settings in force differ from those last loaded or saved.
     unsaved: AtomicBool,
     /// How often the settings in force have changed.
@@ -158,6 +161,7 @@ impl<'g> Gateway<'g> {
             inbox: Channel::new(),
             settings: Mutex::new(RefCell::new(Settings::new())),
             draft: Draft::new(Settings::new()),
+            stored_line: StoredLine::new(LineBuffer::new()),
             unsaved: AtomicBool::new(false),
             changes: AtomicU32::new(0),
             candidate: None,

@@ -61,7 +61,7 @@ mod words;
 pub(crate) mod tests;
 
 pub use self::apply::{Applied, apply};
-pub(crate) use self::line::LineBuffer;
+pub use self::line::LineBuffer;
 pub(crate) use self::loader::Observer;
 pub use self::loader::{LoadError, Loader};
 pub(crate) use self::long_words::value_type;

@@ -1,6 +1,6 @@
 //! The web interface: HTTP with JSON at `/api/v1`, on the port that the settings name; docs/openapi.yaml describes it.
 //!
-//! A request passes `guard` (its host and origin), `api` (its path, its user and the user's role), and one of the `calls`,
+//! A request passes `guard` (its host and origin), `api` (its path in `routes`, its user and the user's role), and one of the `calls`,
 //! which do what the console's commands do, by the same tables, candidate and direct requests. They fill in the `response`,
 //! which is sent row by row. The framing is picoserve's, over the board's streams.
 
@@ -12,12 +12,14 @@ mod commands;
 #[cfg_attr(not(feature = "capture"), path = "web/no_frames.rs")]
 mod frames;
 mod guard;
+mod headers;
 mod job;
 mod json;
 mod lines;
 mod members;
 mod metrics;
 mod response;
+mod routes;
 // Replaced by a stub in images without the page.
 #[cfg_attr(not(feature = "page"), path = "web/no_page.rs")]
 mod page;

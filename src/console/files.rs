@@ -15,7 +15,7 @@ use crate::gateway::audit::{Actor, Topic};
 use crate::gateway::reconfigure::{self, Refused, Unchanged};
 use crate::gateway::{ApplyError, Gateway};
 use crate::hal::{Store, StoreError, System};
-use crate::language::Loader;
+use crate::language::{LineBuffer, Loader};
 use crate::settings::{EthercatSettings, FileRights, Settings};
 
 /// How long a MainDevice may take to write the settings, which nobody else can change meanwhile.
@@ -195,7 +195,8 @@ async fn receive(
     let mut look = |number, line: &str, settings: &Settings| {
         Refused::follow(&mut lacks, gateway, (number, line), settings);
     };
-    let mut loader = Loader::new(&mut draft).with_observer(&mut look);
+    let mut line = LineBuffer::default();
+    let mut loader = Loader::new(&mut draft, &mut line).with_observer(&mut look);
     loop {
         let work = with_deadline(until, buffer.work(Owner::Named)).await.ok()?;
         let Work::Write(packet) = &work else {

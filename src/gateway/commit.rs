@@ -165,7 +165,7 @@ impl Candidate {
             return Ok(());
         }
         store.overwrite(false);
-        match saved::write_store(&settings, store).await {
+        match saved::write_store(&settings, store, &mut *gateway.stored_line.lock().await).await {
             Ok(()) => {
                 gateway.set_unsaved(false);
                 self.set(Stage::Nothing);

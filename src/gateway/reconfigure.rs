@@ -172,7 +172,7 @@ pub(super) async fn write(
     // Changes during the write are not saved.
     let unsaved = gateway.set_unsaved(false);
     store.overwrite(whatever);
-    let saved = saved::write_store(&draft, store).await;
+    let saved = saved::write_store(&draft, store, &mut *gateway.stored_line.lock().await).await;
     if saved.is_err() && unsaved {
         gateway.set_unsaved(true);
     }
@@ -213,7 +213,8 @@ pub async fn read(
                 refused = Some(Refused::new(number, line, settings, error));
             }
         };
-        let bytes = saved::read_store(store, draft, &mut look).await?;
+        let line = &mut *gateway.stored_line.lock().await;
+        let bytes = saved::read_store(store, draft, line, &mut look).await?;
         if let Some(refused) = refused {
             return Err(Unchanged::Refused(refused));
         }
@@ -253,14 +254,14 @@ pub(crate) async fn commit(
     store.sign(&actor);
     store.overwrite(false);
     // First, as there is no memory for settings to go back to.
-    saved::write_store(settings, store).await?;
+    saved::write_store(settings, store, &mut *gateway.stored_line.lock().await).await?;
     let applied = gateway.check(settings).and_then(|()| {
         gateway.audit_difference(actor, settings);
         gateway.put_in_force(settings)
     });
     if let Err(error) = applied {
         gateway.settings(|in_force| settings.clone_from(in_force));
-        saved::write_store(settings, store).await?;
+        saved::write_store(settings, store, &mut *gateway.stored_line.lock().await).await?;
         return Err(error.into());
     }
     gateway.set_unsaved(false);

@@ -1,11 +1,10 @@
 //! Settings in a store: written as the lines that recreate them, read back line by line.
 
-use heapless::String;
 use thiserror::Error;
 
 use crate::hal::{Store, StoreError};
-use crate::language::{LoadError, Loader, Observer, write_line};
-use crate::settings::{LINE_BYTES_MAX, Settings};
+use crate::language::{LineBuffer, LoadError, Loader, Observer, write_line};
+use crate::settings::Settings;
 
 /// Bytes read from a store at a time.
 const CHUNK_BYTES_MAX: usize = 64;
@@ -21,14 +20,15 @@ pub enum ReadError {
     Text(#[from] LoadError),
 }
 
-/// Reads the text in `store` into `settings`, which are invalid after an error; returns its length, 0 if nothing is saved. Calls
-/// `look` after each line.
+/// Reads the text in `store` into `settings`, which are invalid after an error, line by line in the memory of `line`; returns its length,
+/// 0 if nothing is saved. Calls `look` after each line.
 pub async fn read_store<'s>(
     store: &mut impl Store,
     settings: &'s mut Settings,
+    line: &'s mut LineBuffer,
     look: &'s mut Observer<'s>,
 ) -> Result<usize, ReadError> {
-    let mut loader = Loader::new(settings).with_observer(look);
+    let mut loader = Loader::new(settings, line).with_observer(look);
     let mut chunk = [0; CHUNK_BYTES_MAX];
     let mut offset = 0;
     loop {
@@ -43,22 +43,25 @@ pub async fn read_store<'s>(
     Ok(offset)
 }
 
-/// Writes `settings` to `store`.
-pub async fn write_store(settings: &Settings, store: &mut impl Store) -> Result<(), StoreError> {
-    let mut line = String::<{ LINE_BYTES_MAX + 1 }>::new();
+/// Writes `settings` to `store`, line by line in the memory of `line`.
+pub async fn write_store(
+    settings: &Settings,
+    store: &mut impl Store,
+    line: &mut LineBuffer,
+) -> Result<(), StoreError> {
     let mut n = 0;
     // Empty settings are stored as one empty line, to distinguish them from missing settings.
     loop {
-        let more = write_line(settings, n, &mut line).is_some();
+        line.clear();
+        // Fits, see LINE_BYTES_MAX.
+        let more = write_line(settings, n, line).is_some();
         if more || n == 0 {
-            // Fits, see LINE_BYTES_MAX.
-            let _ = line.push_str("\n");
-            store.append(line.as_bytes()).await?;
+            store.append(line.bytes()).await?;
+            store.append(b"\n").await?;
         }
         if !more {
             return store.commit().await;
         }
-        line.clear();
         n += 1;
     }
 }

@@ -1,19 +1,26 @@
 //! Splits bytes into lines of bounded length.
 
+use core::fmt;
+
 use heapless::Vec;
 
 use super::problem::{LineError, Problem};
 use crate::settings::LINE_BYTES_MAX;
 
-/// The line being assembled.
+/// The line being assembled: memory for the longest.
 #[derive(Debug, Default)]
-pub(crate) struct LineBuffer {
+pub struct LineBuffer {
     bytes: Vec<u8, LINE_BYTES_MAX>,
     /// Whether bytes had to be dropped.
     cut: bool,
 }
 
 impl LineBuffer {
+    /// An empty line.
+    pub(crate) const fn new() -> Self {
+        Self { bytes: Vec::new(), cut: false }
+    }
+
     /// Adds a byte; true when it ends the line. The CR of a CR LF stays; it counts as a blank.
     pub(crate) fn feed(&mut self, byte: u8) -> bool {
         if byte == b'\n' {
@@ -35,6 +42,11 @@ impl LineBuffer {
         })
     }
 
+    /// The bytes so far.
+    pub(crate) fn bytes(&self) -> &[u8] {
+        &self.bytes
+    }
+
     /// Whether the line so far is `bytes`.
     pub(crate) fn is(&self, bytes: &[u8]) -> bool {
         self.bytes == bytes
@@ -44,5 +56,14 @@ impl LineBuffer {
     pub(crate) fn clear(&mut self) {
         self.bytes.clear();
         self.cut = false;
+    }
+}
+
+/// Appends text that fits.
+impl fmt::Write for LineBuffer {
+    fn write_str(&mut self, text: &str) -> fmt::Result {
+        let written = self.bytes.extend_from_slice(text.as_bytes());
+        self.cut |= written.is_err();
+        written.map_err(|_| fmt::Error)
     }
 }

@@ -35,16 +35,17 @@ pub(crate) type Observer<'l> = dyn FnMut(u32, &str, &Settings) + 'l;
 /// After an error the settings are incomplete and must be discarded.
 pub struct Loader<'s> {
     settings: &'s mut Settings,
-    line: LineBuffer,
+    line: &'s mut LineBuffer,
     number: u32,
     observer: Option<&'s mut Observer<'s>>,
 }
 
 impl<'s> Loader<'s> {
-    /// Clears `settings` and starts to fill them.
-    pub fn new(settings: &'s mut Settings) -> Self {
+    /// Clears `settings` and starts to fill them. Each line is assembled in `line`.
+    pub fn new(settings: &'s mut Settings, line: &'s mut LineBuffer) -> Self {
         settings.clear();
-        Self { settings, line: LineBuffer::default(), number: 1, observer: None }
+        line.clear();
+        Self { settings, line, number: 1, observer: None }
     }
 
     /// Calls `observer` for every line.

@@ -49,7 +49,8 @@ port P5   tcp server 127.0.0.1:5020 pipeline 4 lifetime 2s
 
 fn load(text: &str) -> Settings {
     let mut settings = Settings::new();
-    let mut loader = Loader::new(&mut settings);
+    let mut line = LineBuffer::default();
+    let mut loader = Loader::new(&mut settings, &mut line);
     loader.feed(text.as_bytes()).unwrap();
     loader.finish().unwrap();
     settings

@@ -5,12 +5,14 @@ use core::fmt::Write;
 use embassy_time::{Duration, Instant};
 use heapless::String;
 
-use super::api::{Api, Call, Caller};
+use super::api::{Api, Caller};
 use super::candidate::{self, Unchanged};
+use super::headers::Header;
 use super::json::Quoted;
 use super::lines::Lines;
 use super::members::{BYTE, Kind, Line, Member, Members, TEXT, WORD, needed, optional, via};
-use super::response::{Content, Header, Part, Refused, Response, TEXT_BYTES_MAX};
+use super::response::{Content, Part, Refused, Response, TEXT_BYTES_MAX};
+use super::routes::Call;
 use super::session::Shown;
 use super::settings::{Schema, Written};
 use super::status::Status;
@@ -97,13 +99,7 @@ impl<'a, 'g, S: Store, U: Update, Y: System> Api<'a, 'g, S, U, Y> {
             Call::Status => response.ok(Content::Status(Status::new())),
             Call::Events => response.ok(Content::Live(Status::new(), caller.token)),
             Call::Tables(tables) => response.ok(Content::Status(Status::of(tables))),
-            Call::Frames => {
-                if self.gateway.capture().is_none() {
-                    return Err(response.error(409, &ApplyError::NoCapture));
-                }
-                self.takes_long();
-                response.ok(Content::Frames(caller.token));
-            }
+            Call::Frames => return self.frames(caller, response),
             Call::Settings(as_json) => response.ok(Content::Settings(Written::new(false, as_json))),
             Call::Candidate(as_json) => {
                 self.check_candidate(response)?;
@@ -137,6 +133,16 @@ impl<'a, 'g, S: Store, U: Update, Y: System> Api<'a, 'g, S, U, Y> {
             Call::BringBack => return self.bring_back(caller, body, response).await,
             Call::Password => return self.password(caller, body, response).await,
         }
+        Ok(())
+    }
+
+    /// `GET /frames`
+    fn frames(&self, caller: &Caller, response: &mut Response<'a, 'g>) -> Result<(), Refused> {
+        if self.gateway.capture().is_none() {
+            return Err(response.error(409, &ApplyError::NoCapture));
+        }
+        self.takes_long();
+        response.ok(Content::Frames(caller.token));
         Ok(())
     }
 

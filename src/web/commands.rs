@@ -5,11 +5,12 @@ use core::future::pending;
 
 use heapless::String;
 
-use super::api::{Api, Call, Caller};
+use super::api::{Api, Caller};
 use super::calls::{line, parse, uncommitted};
 use super::json::Quoted;
 use super::members::{BYTE, Kind, Line, Member, TEXT, WORD, needed, optional};
 use super::response::{Content, Message, Refused, Response, Text};
+use super::routes::Call;
 use super::untaken::cut;
 use crate::console::access::{self, Denied, NotBegun, Running};
 use crate::gateway::audit::Topic;

@@ -10,14 +10,14 @@ use picoserve::io::{Read, Write};
 use picoserve::response::chunked::{ChunkWriter, ChunkedResponse, Chunks, ChunksWritten};
 use picoserve::response::{self, Connection, IntoResponse, ResponseWriter, StatusCode};
 
-use super::api::Methods;
 use super::frames;
+use super::headers::{FILE_HEADERS, HEADERS, HEADERS_MAX, Header};
 use super::job;
 use super::json::Quoted;
 use super::metrics::Metrics;
 use super::page::File;
 use super::piece::{Piece, ShortPiece, Source};
-use super::session::{self, COOKIE, Shown};
+use super::session;
 use super::settings::{Schema, Written};
 use super::status::Status;
 use super::untaken::cut;
@@ -41,28 +41,6 @@ const TEXT: &str = "text/plain; charset=utf-8";
 const PAGES_FULL: &str =
     "four pages have live values, and more cannot: close one, or GET /api/v1/status now and then";
 const CAPTURES_FULL: &str = "two others get frames, and more cannot: stop one of them";
-
-/// Sent with each response: it must be neither cached nor framed.
-const HEADERS: &[(&str, &str)] = &[
-    ("Cache-Control", "no-store"),
-    ("X-Content-Type-Options", "nosniff"),
-    ("Content-Security-Policy", "default-src 'none'; frame-ancestors 'none'"),
-];
-
-/// Those, or those of a file with its tag, and one of [`Header`].
-const HEADERS_MAX: usize = 7;
-
-/// Sent with each file of the page: it runs its own scripts only, and is no part of another page. A browser asks whether it has changed.
-const FILE_HEADERS: &[(&str, &str)] = &[
-    ("Cache-Control", "no-cache"),
-    ("X-Content-Type-Options", "nosniff"),
-    ("Referrer-Policy", "no-referrer"),
-    (
-        "Content-Security-Policy",
-        "default-src 'self'; base-uri 'none'; form-action 'self'; object-src 'none'; frame-ancestors 'none'",
-    ),
-    ("Content-Encoding", "gzip"),
-];
 
 /// The response to a request. It is made where it stays: it is large, and there is no heap.
 pub(super) struct Response<'s, 'g> {
@@ -93,47 +71,6 @@ pub(super) enum Content<'s, 'g> {
     /// Frames as they come, until the session ends.
     Frames(Token),
     Metrics(Metrics),
-}
-
-/// A header of one response.
-pub(super) enum Header {
-    /// What the path takes.
-    Allow(Methods),
-    /// A log-in is needed.
-    Authenticate,
-    RetryAfter(Duration),
-    /// The session, which nothing but TLS may carry if it is `true`; without one, its end.
-    Cookie(Option<Shown>, bool),
-}
-
-impl Header {
-    const fn name(&self) -> &'static str {
-        match self {
-            Self::Allow(_) => "Allow",
-            Self::Authenticate => "WWW-Authenticate",
-            Self::RetryAfter(_) => "Retry-After",
-            Self::Cookie(..) => "Set-Cookie",
-        }
-    }
-}
-
-impl Display for Header {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Allow(methods) => methods.fmt(f),
-            Self::Authenticate => f.write_str("Bearer"),
-            Self::RetryAfter(pause) => pause.as_secs().fmt(f),
-            Self::Cookie(token, encrypted) => {
-                write!(f, "{COOKIE}=")?;
-                let ends = token.is_none();
-                token.iter().try_for_each(|token| token.fmt(f))?;
-                // The page's scripts cannot read it, and no other page sends it.
-                f.write_str("; HttpOnly; SameSite=Strict; Path=/")?;
-                f.write_str(if *encrypted { "; Secure" } else { "" })?;
-                f.write_str(if ends { "; Max-Age=0" } else { "" })
-            }
-        }
-    }
 }
 
 /// The response tells why.

@@ -19,7 +19,7 @@ pub(super) const REQUEST_BYTES_MAX: usize = if cfg!(feature = "long-requests") {
 /// Bytes read from a connection; data beyond the largest request is not read, and its sender still gets a response.
 const READ_BYTES_MAX: usize = 2 * REQUEST_BYTES_MAX;
 /// Bytes of a response's head written at a time.
-const PIECE_BYTES: usize = 192;
+const PIECE_BYTES: usize = 160;
 
 /// The executor.
 pub(super) struct Embassy;

@@ -9,6 +9,7 @@ use embassy_sync::mutex::Mutex;
 use embedded_storage_async::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
 use mobgate::gateway::saved::{read_store, write_store};
 use mobgate::hal::{Store, StoreError};
+use mobgate::language::LineBuffer;
 use mobgate::settings::{PORTS_MAX, ROUTES_MAX, Settings};
 use mobgate_clock as _;
 use mobgate_flash::{FlashStore, Image, SharedStore, TEXT_BYTES_MAX, text_bytes_max};
@@ -26,11 +27,11 @@ fn open<F: NorFlash + Clone>(flash: &F) -> FlashStore<F> {
 fn settings_survive_a_restart_and_a_chip_without_any_has_none() {
     let flash = Flash::new(2, 1);
     let mut store = open(&flash);
-    let mut settings = Settings::new();
-    assert_eq!(block_on(read_store(&mut store, &mut settings, &mut |_, _, _| {})), Ok(0));
-    block_on(write_store(&settings, &mut store)).unwrap();
+    let (mut settings, mut line) = (Settings::new(), LineBuffer::default());
+    assert_eq!(block_on(read_store(&mut store, &mut settings, &mut line, &mut |_, _, _| {})), Ok(0));
+    block_on(write_store(&settings, &mut store, &mut line)).unwrap();
     let mut store = open(&flash);
-    assert_eq!(block_on(read_store(&mut store, &mut settings, &mut |_, _, _| {})), Ok(1));
+    assert_eq!(block_on(read_store(&mut store, &mut settings, &mut line, &mut |_, _, _| {})), Ok(1));
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use mobgate::gateway::Gateway;
 use mobgate::gateway::reconfigure::{self, Unchanged};
 use mobgate::hal::StoreError;
-use mobgate::language::{Loader, write_line};
+use mobgate::language::{LineBuffer, Loader, write_line};
 use mobgate::settings::{PortKind, Settings, StreamFraming, TcpListen, TcpServerSettings};
 
 use crate::store::FileStore;
@@ -32,7 +32,8 @@ pub async fn read(
 /// Parses the settings in `text`.
 pub fn parse(text: &str) -> Result<Settings, String> {
     let mut settings = Settings::new();
-    let mut loader = Loader::new(&mut settings);
+    let mut line = LineBuffer::default();
+    let mut loader = Loader::new(&mut settings, &mut line);
     loader.feed(text.as_bytes()).and_then(|()| loader.finish()).map_err(|error| error.to_string())?;
     Ok(settings)
 }

@@ -12,7 +12,7 @@ use mobgate::console::{self, Mode};
 use mobgate::gateway::Gateway;
 use mobgate::gateway::reconfigure;
 use mobgate::hal::{NetworkState, NoUpdate, System};
-use mobgate::language::Loader;
+use mobgate::language::{LineBuffer, Loader};
 use mobgate_board::last_words::WORDS_BYTES_MAX;
 use mobgate_flash::{FlashStore, Image, SharedStore};
 use mobgate_net::{Sockets, address};
@@ -56,7 +56,8 @@ pub(crate) fn load(gateway: &Gateway<'_>) -> Store {
         Err(error) => log::error!("{error}"),
     }
     let mut draft = block_on(reconfigure::draft(gateway));
-    let mut loader = Loader::new(&mut draft);
+    let mut line = LineBuffer::default();
+    let mut loader = Loader::new(&mut draft, &mut line);
     let loaded = loader.feed(FIRST_SETTINGS.as_bytes()).and_then(|()| loader.finish());
     loaded.expect("lines of the language");
     gateway.apply(&draft).expect("ports that this board has");

@@ -34,7 +34,8 @@ fn lines_that_need_points_are_refused_and_change_nothing() {
 #[test]
 fn saved_settings_with_points_are_refused_with_the_line_that_needs_them() {
     let mut settings = Settings::new();
-    let mut loader = Loader::new(&mut settings);
+    let mut line = LineBuffer::default();
+    let mut loader = Loader::new(&mut settings, &mut line);
     let error =
         loader.feed(format!("{PORTS}port ask scanner\nport P9 tcp server 503\n").as_bytes()).unwrap_err();
     assert_eq!((error.line, &error.error.problem), (7, &Problem::NoPoints));

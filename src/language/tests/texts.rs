@@ -7,7 +7,8 @@ fn a_long_line_is_refused_as_a_whole() {
     let line = "route ".to_string() + &"1 ".repeat(5_000);
     assert!(error(&line).contains(&format!("the line is longer than {LINE_BYTES_MAX} bytes")));
     let mut settings = Settings::new();
-    let mut loader = Loader::new(&mut settings);
+    let mut buffer = LineBuffer::default();
+    let mut loader = Loader::new(&mut settings, &mut buffer);
     loader.feed(b"# short\n").unwrap();
     loader.feed(line.as_bytes()).unwrap();
     let error = loader.finish().unwrap_err();
@@ -20,7 +21,8 @@ fn a_configuration_text_is_read_in_pieces_of_any_size_with_either_line_end() {
     let text = PORTS.replace('\n', "\r\n");
     for size in [1, 7, 64, 1_000] {
         let mut settings = load("port X tcp server 1");
-        let mut loader = Loader::new(&mut settings);
+        let mut line = LineBuffer::default();
+        let mut loader = Loader::new(&mut settings, &mut line);
         for piece in text.trim_end().as_bytes().chunks(size) {
             loader.feed(piece).unwrap();
         }
@@ -34,15 +36,20 @@ fn a_byte_order_mark_is_skipped_at_the_start_and_nowhere_else() {
     let text = "\u{feff}".to_owned() + PORTS;
     for size in [1, 2, 64] {
         let mut settings = Settings::new();
-        let mut loader = Loader::new(&mut settings);
+        let mut line = LineBuffer::default();
+        let mut loader = Loader::new(&mut settings, &mut line);
         text.as_bytes().chunks(size).for_each(|piece| loader.feed(piece).unwrap());
         loader.finish().unwrap();
         assert_eq!(settings, load(PORTS));
     }
     let mut settings = Settings::new();
-    let error = Loader::new(&mut settings).feed("\u{feff}prot P1\n".as_bytes()).unwrap_err();
+    let error = Loader::new(&mut settings, &mut LineBuffer::default())
+        .feed("\u{feff}prot P1\n".as_bytes())
+        .unwrap_err();
     assert_eq!((error.line, error.error.column, error.error.word.as_str()), (1, 1, "prot"));
-    let error = Loader::new(&mut settings).feed("\n\u{feff}port P1\n".as_bytes()).unwrap_err();
+    let error = Loader::new(&mut settings, &mut LineBuffer::default())
+        .feed("\n\u{feff}port P1\n".as_bytes())
+        .unwrap_err();
     assert_eq!((error.line, error.error.column), (2, 1));
 }
 
@@ -51,12 +58,14 @@ fn a_configuration_error_names_its_line_and_word() {
     let text =
         "# a comment\n\nport P1 serial uart1 rtu client\n\n\n\nport P2 serial uart2 rtu client 9600 81E\n";
     let mut settings = Settings::new();
-    let error = Loader::new(&mut settings).feed(text.as_bytes()).unwrap_err();
+    let error = Loader::new(&mut settings, &mut LineBuffer::default()).feed(text.as_bytes()).unwrap_err();
     assert_eq!(
         error.to_string(),
         "line 7, column 38: \"81E\": expected a format such as 8E1, 7E1, 8N1 or 8N2"
     );
-    let error = Loader::new(&mut settings).feed(b"# fine \xc3\xa9\nport \xff\n").unwrap_err();
+    let error = Loader::new(&mut settings, &mut LineBuffer::default())
+        .feed(b"# fine \xc3\xa9\nport \xff\n")
+        .unwrap_err();
     assert_eq!((error.line, error.error.column, error.error.problem), (2, 6, Problem::NotText));
 }
 

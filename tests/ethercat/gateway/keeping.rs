@@ -6,6 +6,7 @@ use embassy_futures::join::join;
 use mobgate::gateway::Gateway;
 use mobgate::gateway::saved::write_store;
 use mobgate::hal::{Store, StoreError};
+use mobgate::language::LineBuffer;
 
 use super::bench::{Bench, MS, SETUP, with_devices, with_wire};
 use super::objects::{SETTINGS, layout, objects, read, reason, write};
@@ -242,7 +243,8 @@ fn a_configuration_that_was_taken_over_is_among_the_settings() {
         world.run_for(MS);
         let store = SlowStore::default();
         let settings = rig.gateway.settings(Settings::clone);
-        world.run_until(async { write_store(&settings, &mut store.clone()).await.unwrap() });
+        let mut line = LineBuffer::default();
+        world.run_until(async { write_store(&settings, &mut store.clone(), &mut line).await.unwrap() });
         let text = store.saved().unwrap();
         assert!(text.ends_with("slave 0 unit 1\nslave 1 unit 9 coil 100 count 20 read 250ms\n"), "{text}");
     });

@@ -14,7 +14,7 @@ use mobgate::fieldbus::EthercatState;
 use mobgate::frame::{FramePool, Slot};
 use mobgate::gateway::audit::AuditMemory;
 use mobgate::gateway::{Candidate, Connection, Gateway, Ports};
-use mobgate::language::{Loader, apply};
+use mobgate::language::{LineBuffer, Loader, apply};
 use mobgate::scanner::ScannerState;
 use mobgate::settings::{Framing, PORTS_MAX, PortId, PortKind, SerialSettings, Settings, Side};
 use mobgate::stats::Event;
@@ -142,7 +142,8 @@ fn discarding(settings: &Settings) -> Duration {
 /// The settings that these lines make.
 pub fn settings_of(lines: &str) -> Settings {
     let mut settings = Settings::new();
-    let mut loader = Loader::new(&mut settings);
+    let mut line = LineBuffer::default();
+    let mut loader = Loader::new(&mut settings, &mut line);
     loader.feed(lines.as_bytes()).and_then(|()| loader.finish()).unwrap_or_else(|error| panic!("{error}"));
     settings
 }

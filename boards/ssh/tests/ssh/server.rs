@@ -10,7 +10,7 @@ use embassy_futures::join::join_array;
 use mobgate::frame::{FramePool, Slot};
 use mobgate::gateway::{Gateway, Ports, reconfigure};
 use mobgate::hal::{System, TcpHost, TcpStream};
-use mobgate::language::Loader;
+use mobgate::language::{LineBuffer, Loader};
 use mobgate::settings::{PortId, TcpListen};
 use mobgate_linux::tcp::TcpSockets;
 use mobgate_linux::{passwords, reactor};
@@ -90,7 +90,8 @@ impl Server {
         let gateway: &Gateway<'_> = Box::leak(Box::new(Gateway::new(pool, ports, &[])));
         let settings = format!("{USERS}user anna key {good}\nuser vera key {good}\n");
         let mut draft = block_on(reconfigure::draft(gateway));
-        let mut loader = Loader::new(&mut draft);
+        let mut line = LineBuffer::default();
+        let mut loader = Loader::new(&mut draft, &mut line);
         loader.feed(settings.as_bytes()).and_then(|()| loader.finish()).unwrap();
         gateway.apply(&draft).unwrap();
         drop(draft);

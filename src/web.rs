@@ -4,6 +4,9 @@
 //! which do what the console's commands do, by the same tables, candidate and direct requests. They fill in the `response`,
 //! which is sent row by row. The framing is picoserve's, over the board's streams.
 
+// An error in a line has the line and its word: there is no heap.
+#![allow(clippy::result_large_err)]
+
 mod api;
 mod calls;
 mod candidate;

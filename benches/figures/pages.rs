@@ -1,7 +1,6 @@
 //! What two pages that are open, with live values, take of a saturated line's rate, and add to the instructions of its transactions.
 
 use std::cell::Cell;
-use std::future::pending;
 use std::process::Command;
 use std::rc::Rc;
 
@@ -20,8 +19,10 @@ const BAUD: u32 = 115_200;
 const RUN: Duration = Duration::from_secs(60);
 /// The same where instructions are counted, which takes fifty times as long.
 const COUNTED_RUN: Duration = Duration::from_secs(10);
-/// Tells this program, when it runs under callgrind, how many pages to open, and for how many seconds clients ask.
-const COUNTED: &str = "MOBGATE_COUNTED_PAGES_SECONDS";
+/// How long clients then pause between transactions for a tenth of the line's rate.
+const SELDOM: Duration = Duration::from_millis(200);
+/// Tells this program, when it runs under callgrind, how many pages to open, and how many milliseconds clients pause.
+const COUNTED: &str = "MOBGATE_COUNTED_PAGES_PAUSE";
 /// A hundredth of the 9 200 instructions that a transaction takes the program.
 const MORE_MAX: f64 = 92.0;
 const SETTINGS: &str = "port web http server 80 cleartext
@@ -75,8 +76,8 @@ async fn page(network: Network, from: u8, events: Rc<Cell<u32>>) {
     }
 }
 
-/// Transactions of the line, and events of all pages, with so many of these, while clients ask.
-fn transactions(pages: u8, asking: Duration, run: Duration) -> (f64, u32) {
+/// Transactions of the line, and events of all pages, with so many of these, while clients ask, and pause in between.
+fn transactions(pages: u8, pause: Duration, run: Duration) -> (f64, u32) {
     let settings = format!("{}{SETTINGS}", Speed::new(BAUD).settings());
     rig::with_gateway(1, &settings, |world, rig| {
         let device = Device::new(1).with_turnaround(TURNAROUND);
@@ -94,13 +95,12 @@ fn transactions(pages: u8, asking: Duration, run: Duration) -> (f64, u32) {
         for nth in 0..pages {
             world.spawn(page(rig.network.clone(), 100 + nth, events.clone()));
         }
-        let until = Instant::now() + asking;
+        let until = Instant::now() + run;
         for host in 1..=CLIENTS {
             let mut client = rig.client(machine(host), 502);
             world.spawn(async move {
-                ClosedLoop::until(until).run(&mut client, || (1, read(host).to_vec()), |_, _, _| {}).await;
-                // It stays connected: pages show it.
-                pending::<()>().await;
+                let clients = ClosedLoop::until(until).thinking(pause);
+                clients.run(&mut client, || (1, read(host).to_vec()), |_, _, _| {}).await;
             });
         }
         world.run_for(run);
@@ -109,26 +109,28 @@ fn transactions(pages: u8, asking: Duration, run: Duration) -> (f64, u32) {
 }
 
 pub(crate) fn figures() {
-    let ((alone, _), (beside, events)) = (transactions(0, RUN, RUN), transactions(PAGES, RUN, RUN));
+    let saturated = |pages| transactions(pages, Duration::MIN, RUN);
+    let ((alone, _), (beside, events)) = (saturated(0), saturated(PAGES));
     // Else the pages were not there.
     assert!(events >= u32::from(PAGES) * 50, "{events} events");
     figure("two_pages_line_rate_loss", 100.0 * (1.0 - beside / alone), "%", Target::AtMost(0.5));
 }
 
-/// Counts user instructions by callgrind, in which this program runs again: with pages and without, and with clients that ask for all
-/// of the time or for a tenth of it. The difference is that of transactions alone: what pages take by themselves, as often as they are
-/// sent something, is in both.
+/// Counts user instructions by callgrind, in which this program runs again: with pages and without, and with clients that ask without
+/// a pause or with one. The difference is that of transactions alone: what pages take by themselves, as often as they are sent
+/// something, is in both.
 pub(crate) fn instructions() {
     if let Ok(wanted) = std::env::var(COUNTED) {
-        let (pages, seconds) = wanted.split_once(' ').expect("two numbers");
-        let asking = Duration::from_secs(seconds.parse().unwrap());
-        let (transactions, events) = transactions(pages.parse().unwrap(), asking, COUNTED_RUN);
+        let (pages, pause) = wanted.split_once(' ').expect("two numbers");
+        let pause = Duration::from_millis(pause.parse().unwrap());
+        let (transactions, events) = transactions(pages.parse().unwrap(), pause, COUNTED_RUN);
         return println!("{transactions} {events}");
     }
-    let all = COUNTED_RUN.as_secs();
     let each = |pages| {
-        let ([few, some, _], [most, more, events]) = (counted(pages, all / 10), counted(pages, all));
-        assert!(pages == 0 || events >= f64::from(pages) * (all as f64 - 2.0), "{events} events");
+        let ([few, some, _], [most, more, events]) = (counted(pages, SELDOM), counted(pages, Duration::MIN));
+        assert!(more > 5.0 * some, "{more} and {some} transactions");
+        let seconds = COUNTED_RUN.as_secs() as f64;
+        assert!(pages == 0 || events >= f64::from(pages) * (seconds - 2.0), "{events} events");
         (most - few) / (more - some)
     };
     let (alone, beside) = (each(0), each(PAGES));
@@ -137,14 +139,14 @@ pub(crate) fn instructions() {
     figure("two_pages_transaction", beside - alone, "instructions", Target::AtMost(MORE_MAX));
 }
 
-/// Instructions, transactions and events of a run in which clients ask for so many seconds.
-fn counted(pages: u8, seconds: u64) -> [f64; 3] {
+/// Instructions, transactions and events of a run in which clients pause so long.
+fn counted(pages: u8, pause: Duration) -> [f64; 3] {
     let program = std::env::current_exe().expect("the path of this program");
     let output = Command::new("valgrind")
         .args(["--tool=callgrind", "--callgrind-out-file=/dev/null"])
         .arg(program)
         .arg("page_instructions")
-        .env(COUNTED, format!("{pages} {seconds}"))
+        .env(COUNTED, format!("{pages} {}", pause.as_millis()))
         .output()
         .expect("valgrind");
     let (said, log) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));

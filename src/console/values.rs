@@ -48,9 +48,9 @@ impl fmt::Display for Values<'_> {
     }
 }
 
+#[cfg(feature = "mqtt")] // As what writes JSON.
 #[cfg(test)]
 mod tests {
-    #![cfg(feature = "mqtt")] // As what writes JSON.
     extern crate std;
     use std::string::String;
 

@@ -228,7 +228,7 @@ impl<'a, 'g, S: Store, U: Update, Y: System> Api<'a, 'g, S, U, Y> {
             .map(|members| (members.is_set("check"), members.number("confirmed")))?;
         if checks {
             let settings = self.candidate(response)?.settings();
-            let checked = settings.and_then(|settings| Ok(self.gateway.check(&*settings)?));
+            let checked = settings.and_then(|settings| Ok(self.gateway.check(&settings)?));
             return checked.map_err(|error| uncommitted(&error, response));
         }
         let confirmed = confirmed.map(|seconds| Duration::from_secs(seconds.into()));

@@ -19,6 +19,12 @@ use crate::cable::{Cable, State};
 use crate::common::{Program, converse, free_port, wait_for, with_console};
 use crate::outside::{Running, Tool};
 
+// Messages have the time of the wall clock.
+#[allow(clippy::disallowed_methods)]
+fn now() -> SystemTime {
+    SystemTime::now()
+}
+
 /// What a device has served.
 #[derive(Default)]
 struct Registers {
@@ -82,7 +88,7 @@ impl Device {
                     }
                     let value = registers.values.get(&register).copied().unwrap_or(0);
                     if register == 7 {
-                        registers.served.entry(value).or_insert_with(SystemTime::now);
+                        registers.served.entry(value).or_insert_with(now);
                     }
                     response.extend(value.to_be_bytes());
                 }
@@ -204,10 +210,9 @@ impl Listener {
 
     /// Waits for a message on `topic` that `fits`.
     fn wait(&self, topic: &str, fits: impl Fn(&str) -> bool) -> Heard {
-        let found = wait_for(&format!("a message on {topic}"), || {
+        wait_for(&format!("a message on {topic}"), || {
             self.all(topic).into_iter().find(|heard| fits(&heard.text))
-        });
-        found
+        })
     }
 }
 

@@ -1,7 +1,5 @@
 //! Exports the capture as a growing PCAPNG file, to a file or a TCP client.
 
-#[cfg(feature = "web")] // As below.
-use embassy_time::Instant;
 use embedded_io_async::Write;
 
 use super::{Capture, Following, pcapng};
@@ -33,10 +31,10 @@ impl<'c> Export<'c> {
 
     /// Writes how many frames were lost so far: a sign of life while none come.
     // Only the web interface needs it: elsewhere the other end is read.
-    #[cfg(feature = "web")]
+    #[cfg(all(feature = "web", feature = "capture"))]
     pub(crate) async fn write_lost<W: Write>(&self, out: &mut W) -> Result<(), W::Error> {
         let epoch_us = self.capture.epoch_us.lock(core::cell::Cell::get);
-        out.write_all(&pcapng::statistics(Instant::now(), epoch_us, self.dropped)).await
+        out.write_all(&pcapng::statistics(embassy_time::Instant::now(), epoch_us, self.dropped)).await
     }
 
     /// Writes the frames that are in the ring now, and ends behind them.

@@ -62,10 +62,12 @@ pub(crate) use self::proof::PROOFS_MAX;
 pub use self::proof::{Proof, Proofs};
 pub(crate) use self::publisher::{MQTT, PUBLISHERS_MAX, Publishers};
 // As what uses it.
+#[cfg(feature = "mqtt")]
+pub(crate) use self::publisher::TopicPrefix;
 #[cfg(all(feature = "mqtt", feature = "tls"))]
 pub(crate) use self::publisher::publisher_id;
-#[cfg(feature = "mqtt")]
-pub(crate) use self::publisher::{Format, Publisher, TopicPrefix};
+#[cfg(any(feature = "mqtt", test))] // Tests make settings of any kind.
+pub(crate) use self::publisher::{Format, Publisher};
 pub use self::rule::{Destination, Route, Tag, UnitRange};
 pub use self::rules::Rules;
 pub use self::serial::{

@@ -4,7 +4,7 @@ use std::format;
 use std::string::ToString;
 
 use super::{PORTS, load, print, std};
-use crate::language::{Loader, Problem, apply};
+use crate::language::{LineBuffer, Loader, Problem, apply};
 use crate::settings::{PortId, Settings};
 
 const LINES: [&str; 9] = [

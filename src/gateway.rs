@@ -15,7 +15,6 @@ use embassy_sync::signal::Signal;
 use crate::capture::{CAPTURE, Capture};
 use crate::fieldbus::EthercatState;
 use crate::frame::{Channel, Envelope, Frame, FramePool, FrameWriter, Origin, ReplyTo, Stage};
-use crate::language::LineBuffer;
 use crate::modbus::Exception;
 use crate::scanner::{POINTS, ScannerState};
 use crate::settings::{AUDIT, OwnNetwork, PUBLISHERS_MAX, PortId, Settings};
@@ -66,6 +65,9 @@ pub mod response_times;
 pub mod saved;
 mod shared;
 pub(crate) mod socket;
+// Replaced where few have a line.
+#[cfg_attr(not(feature = "web"), path = "gateway/no_stored_line.rs")]
+mod stored_line;
 mod take_firmware;
 pub(crate) mod turns;
 #[doc(hidden)] // Public for tests/ only.
@@ -87,8 +89,9 @@ use self::log_in::Attempts;
 use self::port_state::ServerState;
 pub use self::port_state::{PortAt, PortState, Ports, Status};
 use self::publishers::state::{PublisherState, PublisherStates};
-use self::shared::{Draft, Shared, StoredLine};
+use self::shared::{Draft, Shared};
 use self::socket::Socket;
+use self::stored_line::StoredLine;
 use self::turns::Turns;
 use self::unit_health::AllUnits;
 #[cfg(feature = "web")]
@@ -161,7 +164,7 @@ impl<'g> Gateway<'g> {
             inbox: Channel::new(),
             settings: Mutex::new(RefCell::new(Settings::new())),
             draft: Draft::new(Settings::new()),
-            stored_line: StoredLine::new(LineBuffer::new()),
+            stored_line: StoredLine::new(),
             unsaved: AtomicBool::new(false),
             changes: AtomicU32::new(0),
             candidate: None,

@@ -1,5 +1,7 @@
 //! Settings in a store: written as the lines that recreate them, read back line by line.
 
+use core::fmt::Write;
+
 use thiserror::Error;
 
 use crate::hal::{Store, StoreError};
@@ -53,11 +55,11 @@ pub async fn write_store(
     // Empty settings are stored as one empty line, to distinguish them from missing settings.
     loop {
         line.clear();
-        // Fits, see LINE_BYTES_MAX.
+        // It fits with its end, see LINE_BYTES_MAX.
         let more = write_line(settings, n, line).is_some();
         if more || n == 0 {
+            let _ = line.write_str("\n");
             store.append(line.bytes()).await?;
-            store.append(b"\n").await?;
         }
         if !more {
             return store.commit().await;

@@ -6,7 +6,6 @@ use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::mutex;
 
-use crate::language::LineBuffer;
 use crate::settings::Settings;
 
 /// A value that several tasks read and change, in a critical section.
@@ -14,6 +13,3 @@ pub(crate) type Shared<T> = Mutex<CriticalSectionRawMutex, RefCell<T>>;
 
 /// Settings being changed, loaded or saved: by one task at a time, which may wait for a store.
 pub(crate) type Draft = mutex::Mutex<CriticalSectionRawMutex, Settings>;
-
-/// Memory for a line that is loaded or saved.
-pub(crate) type StoredLine = mutex::Mutex<CriticalSectionRawMutex, LineBuffer>;

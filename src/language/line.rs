@@ -10,7 +10,8 @@ use crate::settings::LINE_BYTES_MAX;
 /// The line being assembled: memory for the longest.
 #[derive(Debug, Default)]
 pub struct LineBuffer {
-    bytes: Vec<u8, LINE_BYTES_MAX>,
+    /// A line that is saved has its end, too.
+    bytes: Vec<u8, { LINE_BYTES_MAX + 1 }>,
     /// Whether bytes had to be dropped.
     cut: bool,
 }
@@ -26,7 +27,11 @@ impl LineBuffer {
         if byte == b'\n' {
             return true;
         }
-        self.cut |= self.bytes.push(byte).is_err();
+        self.cut |= self.bytes.len() >= LINE_BYTES_MAX;
+        if !self.cut {
+            // Fits.
+            let _ = self.bytes.push(byte);
+        }
         false
     }
 

@@ -90,7 +90,7 @@ pub(crate) use self::point_message::{Refusal, write_point};
 #[cfg(feature = "mqtt")] // Likewise.
 pub(crate) use self::point_order::settled;
 #[cfg(feature = "mqtt")] // Likewise.
-pub(crate) use self::values::Values;
+pub(crate) use self::values::{Numbers, Values};
 
 use core::future::pending;
 use core::pin::pin;

@@ -15,7 +15,7 @@ pub(crate) use super::output::Written;
 pub(crate) use super::show::Show;
 use super::show::write;
 use super::table::Source;
-use super::values::Values;
+use super::values::{Numbers, Values};
 use crate::gateway::Gateway;
 use crate::gateway::direct_request::{DirectRequestError, Turn};
 use crate::hal::System;
@@ -110,20 +110,6 @@ impl<'t, 'g> Asked<'t, 'g> {
         let cells = self.pdu.get(2..).unwrap_or_default();
         let (scale, range) = (Scale::NONE, 0..count.into());
         (ask == Ask::Read).then_some((first, Numbers(Values { value, scale, cells, range })))
-    }
-}
-
-/// Values as a list of JSON; what JSON has no number for is `null`, and text and numbers of many digits are strings.
-pub(crate) struct Numbers<'v>(Values<'v>);
-
-impl Display for Numbers<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("[")?;
-        for nth in self.0.range.clone() {
-            f.write_str(if nth > 0 { "," } else { "" })?;
-            self.0.write_json(nth, f)?;
-        }
-        f.write_str("]")
     }
 }
 

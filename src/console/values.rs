@@ -48,6 +48,22 @@ impl fmt::Display for Values<'_> {
     }
 }
 
+/// Values as a list of JSON; what JSON has no number for is `null`, and text and numbers of many digits are strings.
+#[cfg(any(feature = "web", feature = "mqtt"))] // As above; also below.
+pub(crate) struct Numbers<'v>(pub(crate) Values<'v>);
+
+#[cfg(any(feature = "web", feature = "mqtt"))]
+impl fmt::Display for Numbers<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("[")?;
+        for nth in self.0.range.clone() {
+            f.write_str(if nth > 0 { "," } else { "" })?;
+            self.0.write_json(nth, f)?;
+        }
+        f.write_str("]")
+    }
+}
+
 #[cfg(feature = "mqtt")] // As what writes JSON.
 #[cfg(test)]
 mod tests {

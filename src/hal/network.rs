@@ -55,9 +55,10 @@ pub trait TcpStream: Read + Write {
     /// Closes the connection gracefully, within a bounded time.
     async fn close(self);
 
-    /// Begins TLS, for the port or publisher `port` of the settings ([`Settings::tls`](crate::settings::Settings::tls)): as the client of `server`, or else as a server of who has connected. From then
-    /// on the connection carries what TLS carries. Returns the role in a client's certificate. Fails unless the peer has a certificate
-    /// that the settings of the port accept, with the reason. The caller limits the time.
+    /// Begins TLS, for the port or publisher `port` of the settings ([`Settings::tls`](crate::settings::Settings::tls)): as the client
+    /// of `server`, or else as a server of who has connected. From then on the connection carries what TLS carries. Returns the role in a
+    /// client's certificate. Fails unless the peer has a certificate that the settings of the port accept, with the reason. The caller
+    /// limits the time.
     async fn secure(
         &mut self,
         _port: PortId,

@@ -7,7 +7,7 @@ use heapless::String;
 
 use super::mark::Sample;
 use super::source::Source;
-use crate::console::Values;
+use crate::console::{Numbers, Values};
 use crate::gateway::audit::{AuditLine, Stamp};
 use crate::language::json::Quoted;
 use crate::settings::PointSettings;
@@ -42,13 +42,7 @@ impl Source<'_, '_> {
         match point.count {
             _ if !sample.is_known => out.write_str("null")?,
             1 => values.write_json(0, out)?,
-            _ => {
-                for nth in values.range.clone() {
-                    out.write_str(if nth == 0 { "[" } else { "," })?;
-                    values.write_json(nth, out)?;
-                }
-                out.write_str("]")?;
-            }
+            _ => write!(out, "{}", Numbers(values))?,
         }
         write!(out, ",\"quality\":\"{}\",\"time\":", sample.quality.name())?;
         match sample.read {

@@ -153,8 +153,8 @@ impl<'a, 'g, S: Store, U: Update, Y: System> Api<'a, 'g, S, U, Y> {
         }
         let known = headers.get("if-none-match");
         let known = known.as_ref().and_then(|known| known.as_str().ok()).unwrap_or_default();
-        let has = |tag: &str| tag.trim().trim_start_matches("W/") == file.tag;
-        response.file(file, known.split(',').any(has));
+        let has = |tag: &str| tag.strip_prefix("W/").unwrap_or(tag) == file.tag;
+        response.file(file, known.split(',').map(str::trim).any(has));
         Ok(())
     }
 
@@ -236,8 +236,8 @@ impl Takes {
         };
         let told = parts.headers().get("content-type");
         let told = told.as_ref().and_then(|told| told.as_str().ok()).unwrap_or_default();
-        let told = told.split(';').next().unwrap_or_default().trim();
-        match told.eq_ignore_ascii_case(kind) {
+        let told = told.split_once(';').map_or(told, |(told, _parameters)| told);
+        match told.trim().eq_ignore_ascii_case(kind) {
             true => Ok(()),
             false => Err(response.error(415, &format_args!("the body must be {kind}"))),
         }

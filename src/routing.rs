@@ -234,3 +234,33 @@ fn is_line(settings: &Settings, port: PortId) -> bool {
     let kind = settings.port(port).map(|port| &port.kind);
     matches!(kind, Some(PortKind::Serial(serial)) if serial.side == Side::Client)
 }
+
+#[cfg(test)]
+#[cfg(feature = "tls")] // Roles are told by certificates.
+mod tests {
+    use super::{Client, is_of_wrong_role};
+    use crate::language::apply;
+    use crate::settings::{ClientRole, PortId, Settings};
+
+    #[test]
+    fn a_broadcast_is_denied_where_a_rule_for_its_clients_address_is_for_another_role() {
+        let mut settings = Settings::new();
+        for line in [
+            "certificate gw own /gw.pem key /gw.key",
+            "certificate plant clients /plant.pem",
+            "port secure tcp server 802 tls broadcast all",
+            "port P502 tcp server 502 broadcast all",
+            "port bus serial uart1 rtu client",
+            "route secure 1-3 10.0.0.0/8 * bus role operator",
+        ] {
+            apply(&mut settings, line).unwrap();
+        }
+        let is_wrong = |port, role, last| {
+            let role = ClientRole::new(role).unwrap();
+            let client = Client { peer: Some([last, 0, 0, 1].into()), role: &|| role };
+            is_of_wrong_role(&settings, PortId(port), client)
+        };
+        assert!(is_wrong(0, "viewer", 10));
+        assert!(!is_wrong(0, "operator", 10) && !is_wrong(0, "viewer", 11) && !is_wrong(1, "viewer", 10));
+    }
+}

@@ -269,7 +269,6 @@ impl Scanner {
     pub fn answered(&mut self, device: DeviceId, now: Instant, response: Result<&[u8], ErrorCode>) {
         let Some(station) = self.stations.get_mut(usize::from(device.0)) else { return };
         let Some(open) = station.open.take() else { return };
-        station.pending = true;
         match response {
             Err(error) => {
                 let again = station.failed(now, error);
@@ -321,7 +320,6 @@ impl Scanner {
     pub fn refused(&mut self, device: DeviceId, now: Instant, exception: Exception) {
         let Some(station) = self.stations.get_mut(usize::from(device.0)) else { return };
         let Some(open) = station.open.take() else { return };
-        station.pending = true;
         let error = match ErrorCode::of_exception(exception.0) {
             ErrorCode::Unspecified => ErrorCode::Connection,
             forbidden => forbidden,
@@ -349,7 +347,6 @@ impl Scanner {
         for at in 0..self.stations.len() {
             let device = DeviceId(at as u8);
             let Some(station) = self.stations.get_mut(at) else { break };
-            station.pending = true;
             if let Some(open) = station.open.take() {
                 // The register may have changed meanwhile.
                 self.go_on(device, if let Open::Store { .. } = open { Open::Fetch } else { open });

@@ -85,7 +85,7 @@ impl Decimal {
         let (quotient, rest) = (above.checked_div(below)?, above.checked_rem(below)?);
         let rounds = rest.unsigned_abs() >= below.unsigned_abs().div_ceil(2);
         Some(match rounds {
-            true if (above < 0) != (below < 0) => quotient - 1,
+            true if above.is_negative() != below.is_negative() => quotient - 1,
             true => quotient + 1,
             false => quotient,
         })
@@ -98,7 +98,7 @@ impl Decimal {
 
     /// Ten to the power of `decimals`.
     pub(super) fn power(decimals: u8) -> f64 {
-        ten_to(decimals).unwrap_or(1) as f64
+        ten_to(decimals).unwrap_or(i128::MAX) as f64
     }
 
     /// The mantissa with so many decimals.

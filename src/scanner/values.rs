@@ -35,8 +35,9 @@ impl Values {
     /// Copies values to others, which do not overlap.
     pub(super) fn copy(&mut self, from: u16, to: u16, bytes: u16) {
         let (from, to, bytes) = (usize::from(from), usize::from(to), usize::from(bytes));
-        if from + bytes <= self.bytes.len() && to + bytes <= self.bytes.len() {
-            self.bytes.copy_within(from..from + bytes, to);
+        for at in 0..bytes {
+            let Some(&byte) = self.bytes.get(from + at) else { return };
+            self.bytes.get_mut(to + at).into_iter().for_each(|there| *there = byte);
         }
     }
 

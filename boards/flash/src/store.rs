@@ -73,7 +73,8 @@ pub const fn text_bytes_max<F: NorFlash>() -> usize {
     let version = overhead + (KEY_BYTES + VERSION_BYTES_MAX).next_multiple_of(F::WRITE_SIZE);
     let versions = if cfg!(feature = "versions") { 2 * version } else { 0 };
     let pieces = (sector - 2 * head - secret - versions) / (2 * (overhead + KEY_BYTES + PIECE_BYTES));
-    if pieces < PIECES_MAX { pieces * PIECE_BYTES } else { TEXT_BYTES_MAX }
+    let room = pieces * PIECE_BYTES;
+    if room < TEXT_BYTES_MAX { room } else { TEXT_BYTES_MAX }
 }
 
 /// The image that runs.

@@ -257,6 +257,35 @@ fn after_an_erase_that_failed_no_word_is_written_twice_and_the_next_save_succeed
 }
 
 #[test]
+fn a_flash_that_cannot_be_prepared_is_left_alone_until_the_next_start() {
+    let strict = Faulty::new(10, Fault::Strict);
+    strict.left.set(Some(0));
+    let mut store = open(&strict);
+    let steps = strict.flash.steps();
+    assert_eq!(read(&mut store), Err(StoreError::Failed));
+    assert_eq!(save(&mut store, b"port P1\n"), Err(StoreError::Failed));
+    assert_eq!(strict.flash.steps(), steps);
+    let mut store = open(&strict);
+    save(&mut store, b"port P1\n").unwrap();
+    assert_eq!(read(&mut store).unwrap(), b"port P1\n");
+}
+
+#[test]
+fn sectors_that_all_say_they_are_full_can_be_saved_over() {
+    let flash = FineFlash::new(2, 11);
+    save(&mut open(&flash), b"port P1\n").unwrap();
+    let sector = FineFlash::ERASE_SIZE as u32;
+    // The map's own first and last word of each, behind the marks.
+    for word in [64, sector - 4, sector + 64, 2 * sector - 4] {
+        block_on(flash.clone().write(word, &[0; 4])).unwrap();
+    }
+    let mut store = open(&flash);
+    assert_eq!(read(&mut store), Err(StoreError::Corrupt));
+    save(&mut store, b"port P2\n").unwrap();
+    assert_eq!(read(&mut open(&flash)).unwrap(), b"port P2\n");
+}
+
+#[test]
 fn after_a_save_that_failed_the_settings_are_those_of_the_next_start() {
     let (mut failed, mut old) = (0, 0);
     for left in 0.. {

@@ -37,9 +37,14 @@ fn what_is_saved_on_trial_is_read_at_once_and_stays_when_it_is_confirmed() {
             assert_eq!(read(&mut store).unwrap(), text);
         }
         block_on(store.confirm()).unwrap();
+        let steps = flash.steps();
+        block_on(store.confirm()).unwrap();
+        assert_eq!(flash.steps(), steps, "there is nothing more to confirm");
         let last = text(700, saves - 1);
         assert_eq!(read(&mut store).unwrap(), last);
         assert_eq!(read(&mut open(&flash, CONFIRMED)).unwrap(), last);
+        save(&mut store, b"after").unwrap();
+        assert_eq!(read(&mut open(&flash, CONFIRMED)).unwrap(), b"after", "the trial does not come back");
         // Also where a power cut came between the confirmation of the image and that of the settings.
         let flash = with_old(1);
         save(&mut open(&flash, TRIAL), &last).unwrap();

@@ -31,20 +31,22 @@ pub enum Touched {
 /// The effect of `request`, which may be incomplete, on a device's data.
 pub fn touched(request: &[u8]) -> Touched {
     let word = |at: usize| Some(u16::from_be_bytes([*request.get(at)?, *request.get(at + 1)?]));
-    let extent = |write, at, count: Option<u16>| {
-        let (first, count) = (word(at)?, count?);
-        Some(Extent { write, first, last: u32::from(first) + u32::from(count).saturating_sub(1) })
+    // The quantity 0, which devices refuse, is that of one address here.
+    let others = |at: usize| Some(word(at)?.saturating_sub(1));
+    let extent = |write, at, others: Option<u16>| {
+        let (first, others) = (word(at)?, others?);
+        Some(Extent { write, first, last: u32::from(first) + u32::from(others) })
     };
     let one = |extent: Option<Extent>| extent.map(|extent| [Some(extent), None]);
     let cells = match Form::of(request) {
-        Some(Form::Read(_)) => one(extent(false, 1, word(3))),
-        Some(Form::WriteOne(_) | Form::MaskWrite) => one(extent(true, 1, Some(1))),
-        Some(Form::WriteMany(_)) => one(extent(true, 1, word(3))),
+        Some(Form::Read(_)) => one(extent(false, 1, others(3))),
+        Some(Form::WriteOne(_) | Form::MaskWrite) => one(extent(true, 1, Some(0))),
+        Some(Form::WriteMany(_)) => one(extent(true, 1, others(3))),
         Some(Form::ReadWrite { .. }) => {
-            let both = extent(false, 1, word(3)).zip(extent(true, 5, word(7)));
+            let both = extent(false, 1, others(3)).zip(extent(true, 5, others(7)));
             both.map(|(read, written)| [Some(read), Some(written)])
         }
-        Some(Form::ReadFifo) => one(extent(false, 1, Some(FIFO_REGISTERS_MAX))),
+        Some(Form::ReadFifo) => one(extent(false, 1, Some(FIFO_REGISTERS_MAX - 1))),
         _ if is_read(request) => return Touched::Other,
         _ => None,
     };

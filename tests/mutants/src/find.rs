@@ -105,6 +105,7 @@ impl<'t> Finder<'t> {
                 self.decide(right, values);
             }
             Expr::Lit(_) => {}
+            condition if is_feature(condition) => self.replace(condition.span(), "false"),
             _ => {
                 self.decided.insert(condition.span().byte_range());
                 values.iter().for_each(|value| self.replace(condition.span(), *value));
@@ -229,6 +230,10 @@ impl<'ast> Visit<'ast> for Finder<'_> {
 
     fn visit_expr_if(&mut self, expression: &'ast ExprIf) {
         self.decide(&expression.cond, &["true", "false"]);
+        if is_feature(&expression.cond) {
+            // What is built without it stands behind `else`.
+            return self.visit_block(&expression.then_branch);
+        }
         visit::visit_expr_if(self, expression);
     }
 
@@ -278,7 +283,7 @@ impl<'ast> Visit<'ast> for Finder<'_> {
                 // Without the right one, without the left one; a longer chain is shortened one by one.
                 self.replace(whole, self.source(binary.left.span()));
                 let chain = matches!(&*binary.left, Expr::Binary(left) if same_logic(&left.op, &binary.op));
-                if !chain {
+                if !chain && !is_feature(&binary.left) {
                     self.replace(whole, self.source(binary.right.span()));
                 }
             }
@@ -374,6 +379,12 @@ fn has_let(expression: &Expr) -> bool {
     }
 }
 
+/// Whether it is a constant that says that a feature is on, which is so in the mutated build.
+fn is_feature(expression: &Expr) -> bool {
+    let Expr::Path(path) = expression else { return false };
+    path.path.get_ident().is_some_and(|name| !name.to_string().contains(char::is_lowercase))
+}
+
 /// Whether what has these attributes is part of the mutated build and no test.
 fn built(attributes: &[Attribute]) -> bool {
     attributes.iter().all(|attribute| {
@@ -429,6 +440,15 @@ mod tests {
     }
 
     #[test]
+    fn a_feature_of_the_build_is_on() {
+        assert_eq!(
+            changes("if AUDIT { c(a + b) } else { c(0) }"),
+            ["`AUDIT` to `false`", "`a + b` to `a - b`"]
+        );
+        assert_eq!(changes("let is_told = AUDIT && b; x"), ["`AUDIT && b` to `AUDIT`"]);
+    }
+
+    #[test]
     fn numbers_are_one_too_high_and_one_too_low_and_operators_others() {
         assert_eq!(changes("c(0)"), ["`0` to `1`"]);
         assert_eq!(changes("c(7u8)"), ["`7u8` to `8u8`", "`7u8` to `6u8`"]);
@@ -463,6 +483,7 @@ mod tests {
             "const A: u8 = 1 + 2;",
             "#[cfg(test)] mod tests { fn f() { a(1); } }",
             "#[cfg(not(feature = \"points\"))] fn f() { a(1); }",
+            "#[cfg(feature = \"small\")] fn f() { a(1); }",
             "fn f(a: [u8; 3]) {}",
         ] {
             assert!(sites(text).unwrap().is_empty(), "{text}");

@@ -52,5 +52,19 @@ pub(crate) const ENVIRONMENT: &[(&str, &str)] = &[
     ("RUST_BACKTRACE", "0"),
 ];
 
-/// Features of the mutated build; code for others is no candidate.
-pub(crate) const FEATURES: &[&str] = &["points", "capture", "ipv6"];
+/// Features of the mutated build that its files name: those that are on by default. Code for others is no candidate.
+pub(crate) const FEATURES: &[&str] = &[
+    "audit",
+    "candidate",
+    "capture",
+    "files",
+    "ipv6",
+    "long-images",
+    "long-values",
+    "paths",
+    "points",
+    "servers",
+    "tls",
+    "users",
+    "versions",
+];

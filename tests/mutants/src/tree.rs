@@ -205,7 +205,9 @@ impl CompileError {
 fn in_scope(name: &str) -> bool {
     let within =
         |path: &str| name.strip_prefix(path).is_some_and(|rest| rest.is_empty() || rest.starts_with('/'));
-    name.ends_with(".rs") && !name.contains("tests") && PATHS.iter().any(|path| within(path))
+    // A file `no_...` stands for a feature that is off.
+    let is_built = !name.contains("tests") && !name.contains("/no_");
+    name.ends_with(".rs") && is_built && PATHS.iter().any(|path| within(path))
 }
 
 /// Lets a mutated package know the switch.

@@ -113,8 +113,9 @@ fn log_in(web: u16) -> Outcome<String> {
     let mut response = String::new();
     let exchanged = stream.write_all(request.as_bytes()).and_then(|()| stream.read_to_string(&mut response));
     exchanged.map_err(|error| format!("log-in: {error}"))?;
-    let body = response.split_once("\r\n\r\n").map_or("", |(_, body)| body);
-    let token = serde_json::from_str::<Value>(body).ok();
+    // The object is a chunk, which is a line of its own.
+    let body = response.lines().find(|line| line.starts_with('{'));
+    let token = body.and_then(|body| serde_json::from_str::<Value>(body).ok());
     let token = token.and_then(|body| body["token"].as_str().map(str::to_owned));
     token.ok_or_else(|| format!("log-in: {response}"))
 }

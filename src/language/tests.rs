@@ -353,6 +353,19 @@ fn a_gap_below_the_specification_draws_a_warning() {
     assert_eq!(applied, Applied { changed: false, warning: None });
 }
 
+/// Other images have none.
+#[cfg(feature = "web")]
+#[test]
+fn a_web_interface_that_nobody_can_log_in_to_draws_a_warning() {
+    let mut settings = Settings::new();
+    let mut warning = |line: &str| apply(&mut settings, line).unwrap().warning;
+    assert!(matches!(warning("port web http server 80"), Some(Warning::NobodyLogsIn { .. })));
+    let hash =
+        "$argon2id$v=19$m=8,t=1,p=1$MDEyMzQ1Njc4OWFiY2RlZg$MbnuQj2xrGASZb+GaVRPOkBaCDUjNErQQKePN3mCUfA";
+    warning(&format!("user anna role engineer password \"{hash}\""));
+    assert_eq!(warning("edit port web 8080"), None);
+}
+
 /// Other images have no web interface.
 #[cfg(feature = "web")]
 #[test]

@@ -279,6 +279,14 @@ mod tests {
     }
 
     #[test]
+    fn each_type_has_a_number_of_its_own() {
+        use crate::scanner::ValueType::{Bit, F32, I16, I32, Long, U16, U32};
+        let long = [LongType::U64, LongType::I64, LongType::F64, LongType::Text(2)].map(Long);
+        let types = [Bit, U16, I16, U32, I32, F32].into_iter().chain(long);
+        assert!(types.map(|value_type| value_type.number()).eq(0..10));
+    }
+
+    #[test]
     fn numbers_at_the_ends_of_their_range_are_read_and_beyond_refused() {
         for (kind, text, bytes) in [
             (LongType::U64, "18446744073709551615", Some([0xff; 8])),

@@ -20,7 +20,7 @@ const RUN: Duration = Duration::from_secs(60);
 /// The same where instructions are counted, which takes fifty times as long.
 const COUNTED_RUN: Duration = Duration::from_secs(10);
 /// How long clients then pause between transactions for a tenth of the line's rate.
-const SELDOM: Duration = Duration::from_millis(200);
+const SELDOM: Duration = Duration::from_millis(600);
 /// Tells this program, when it runs under callgrind, how many pages to open, and how many milliseconds clients pause.
 const COUNTED: &str = "MOBGATE_COUNTED_PAGES_PAUSE";
 /// A hundredth of the 9 200 instructions that a transaction takes the program.

@@ -1,6 +1,7 @@
 //! One connection to a broker.
 
 use core::convert::Infallible;
+use core::fmt::{self, Write as _};
 
 use embassy_futures::select::{Either3, select3};
 use embassy_time::{Duration, Instant, Timer, with_timeout};
@@ -13,7 +14,7 @@ use super::source::Source;
 use crate::gateway::Status;
 use crate::gateway::audit::Topic;
 use crate::hal::{OpenError, OpenErrorKind, TcpConnect};
-use crate::mqtt::{self, Accepted, Connect, Inbox, Malformed, Message, Packet, Received};
+use crate::mqtt::{self, Accepted, Connect, Inbox, Malformed, Message, Packet, Qos, Received, Will};
 use crate::scanner::RowId;
 use crate::settings::Format;
 
@@ -28,7 +29,7 @@ const CHECK_PERIOD: Duration = Duration::from_secs(1);
 /// From here on reasons are refusals (5: 2.4; 3.1.1: 3.9.3).
 const REFUSALS: u8 = 0x80;
 
-const fn failed(hint: &'static str) -> OpenError {
+pub(super) const fn failed(hint: &'static str) -> OpenError {
     OpenError::new(OpenErrorKind::Failed, hint)
 }
 
@@ -60,7 +61,7 @@ fn refusal(code: u8) -> OpenError {
 }
 
 /// Sends a packet.
-async fn send(stream: &mut impl Write, packet: &[u8]) -> Result<(), OpenError> {
+pub(super) async fn send(stream: &mut impl Write, packet: &[u8]) -> Result<(), OpenError> {
     let written = async {
         stream.write_all(packet).await?;
         stream.flush().await
@@ -100,13 +101,24 @@ impl Source<'_, '_> {
             stream.secure(crate::settings::publisher_id(self.nth), Some(&publisher.broker)).await?;
         }
         let (prefix, name) = (&publisher.topic, &publisher.name);
+        let is_sparkplug = self.is_sparkplug();
+        self.bd_seq.set(self.bd_seq.get().wrapping_add(1));
+        let topic = fmt::from_fn(|f| match is_sparkplug {
+            true => write!(f, "{}", self.topic("NDEATH")),
+            false => write!(f, "{prefix}/{name}/status"),
+        });
+        let gone = |out: &mut mqtt::Writer<'_>| match is_sparkplug {
+            true => self.write_death(out),
+            false => out.write_str("offline"),
+        };
         let packet = mqtt::connect(&Connect {
             version: publisher.version,
             client: format_args!("{prefix}-{name}"),
             user: &publisher.user,
             password: &publisher.password,
             keep_alive: KEEP_ALIVE_S,
-            will: (format_args!("{prefix}/{name}/status"), "offline"),
+            is_clean: is_sparkplug,
+            will: Will { topic: format_args!("{topic}"), write: &gone, retained: !is_sparkplug },
         });
         send(&mut stream, &packet.unwrap_or_default()).await?;
         loop {
@@ -141,7 +153,9 @@ impl Source<'_, '_> {
         loop {
             while let Some(received) = inbox.next(self.publisher.version)? {
                 alive.asked = None;
-                self.take(received, session)?;
+                if let Some(id) = self.take(received, session)? {
+                    send(stream, &mqtt::acknowledge(id)).await?;
+                }
             }
             if Instant::now() >= alive.due() {
                 if alive.asked.is_some() {
@@ -181,16 +195,21 @@ impl Source<'_, '_> {
         for open in &session.open {
             send(stream, &open.packet).await?;
         }
-        if publisher.commands {
-            let filter = format_args!("{}/points/+/set", publisher.topic);
-            let subscribe = mqtt::subscribe(publisher.version, SUBSCRIPTION, filter);
+        let is_sparkplug = self.is_sparkplug();
+        if publisher.commands || is_sparkplug {
+            let filter = fmt::from_fn(|f| match is_sparkplug {
+                true => write!(f, "{}", self.topic("NCMD")),
+                false => write!(f, "{}/points/+/set", publisher.topic),
+            });
+            let filter = format_args!("{filter}");
+            let subscribe = mqtt::subscribe(publisher.version, SUBSCRIPTION, filter, is_sparkplug);
             send(stream, &subscribe.unwrap_or_default()).await?;
         }
         Ok(())
     }
 
-    /// Handles a packet.
-    fn take(&self, received: Received<'_>, session: &mut Session) -> Result<(), OpenError> {
+    /// Handles a packet. Returns the id of one that is to be acknowledged.
+    fn take(&self, received: Received<'_>, session: &mut Session) -> Result<Option<u16>, OpenError> {
         match received {
             Received::Acknowledged { id, reason } if session.acknowledged(id) => {
                 let is_refused = reason >= REFUSALS;
@@ -202,8 +221,13 @@ impl Source<'_, '_> {
                     report.lost = report.lost.wrapping_add(u32::from(is_refused));
                 });
             }
-            Received::Message { topic, payload, retained, reply } => {
+            Received::Message { id, payload, retained, .. } if self.is_sparkplug() => {
+                self.node_command(session, payload, retained);
+                return Ok(id);
+            }
+            Received::Message { id, topic, payload, retained, reply } => {
                 self.message(session, topic, payload, retained, reply);
+                return Ok(id);
             }
             Received::Subscribed { reason } if reason >= REFUSALS => {
                 log_warn!("publisher {}: the broker passes on no commands: {}", self.publisher.name, reason);
@@ -212,7 +236,7 @@ impl Source<'_, '_> {
             Received::Connected(_) => return Err(NO_MQTT),
             Received::Acknowledged { .. } | Received::Subscribed { .. } | Received::Pong => {}
         }
-        Ok(())
+        Ok(None)
     }
 
     /// Sends the next message, if there is one and the broker may get it.
@@ -222,6 +246,9 @@ impl Source<'_, '_> {
         accepted: &Accepted,
         session: &mut Session,
     ) -> Result<bool, OpenError> {
+        if self.is_sparkplug() {
+            return self.send_metrics(stream, accepted, session).await;
+        }
         let most = usize::from(accepted.receive_max).min(session.open.capacity());
         if session.open.len() >= most {
             return Ok(false);
@@ -254,7 +281,13 @@ struct Make<'m, 's, 'g> {
 impl Make<'_, '_, '_> {
     fn message<'t>(&self, topic: mqtt::Text<'t>, retained: bool, correlation: &'t [u8]) -> Message<'t> {
         let version = self.source.publisher.version;
-        Message { version, id: self.id, retained: retained && self.retains, topic, correlation }
+        Message {
+            version,
+            qos: Qos::Acknowledged(self.id),
+            retained: retained && self.retains,
+            topic,
+            correlation,
+        }
     }
 
     /// The next message; the inner `None`: it is too long.

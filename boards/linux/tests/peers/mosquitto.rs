@@ -39,13 +39,13 @@ struct Registers {
 
 /// A device behind Modbus TCP with registers.
 #[derive(Clone)]
-struct Device {
+pub(crate) struct Device {
     registers: Arc<Mutex<Registers>>,
     port: u16,
 }
 
 impl Device {
-    fn start() -> Self {
+    pub(crate) fn start() -> Self {
         let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
         let device = Self { registers: Arc::default(), port: listener.local_addr().unwrap().port() };
         let own = device.clone();
@@ -102,25 +102,25 @@ impl Device {
         }
     }
 
-    fn set(&self, register: u16, value: u16) {
+    pub(crate) fn set(&self, register: u16, value: u16) {
         self.registers.lock().unwrap().values.insert(register, value);
     }
 
-    fn get(&self, register: u16) -> u16 {
+    pub(crate) fn get(&self, register: u16) -> u16 {
         self.registers.lock().unwrap().values.get(&register).copied().unwrap_or(0)
     }
 }
 
 /// The broker, in a folder of its own.
-struct Broker {
+pub(crate) struct Broker {
     folder: tempfile::TempDir,
-    port: u16,
+    pub(crate) port: u16,
     running: Option<Running>,
 }
 
 impl Broker {
     /// Starts with these lines in its configuration, besides those of the listener.
-    fn start(lines: &str) -> Self {
+    pub(crate) fn start(lines: &str) -> Self {
         let (folder, port) = (tempfile::tempdir().unwrap(), free_port());
         let path = folder.path().display();
         let text = format!(
@@ -228,7 +228,7 @@ fn say(port: u16, more: &[&str]) {
 }
 
 /// A gateway with points of `device`, and `line`.
-fn gateway(device: &Device, line: &str) -> Program {
+pub(crate) fn gateway(device: &Device, line: &str) -> Program {
     with_console(&format!(
         "mdns off
 port plant tcp client 127.0.0.1:{} timeout 300ms down-after 2

@@ -225,6 +225,8 @@ point power plc holding 60 as f32 read 100ms write change";
             assert_eq!(birth.metric(name).unwrap().datatype, Some(datatype), "{name}");
         }
         for (name, value, told) in [
+            // Coil 0 of unit 5 is set at first.
+            ("run", Value::Boolean(false), None),
             ("run", Value::Boolean(true), None),
             ("level/1", Value::Int(0xfff6), None),
             ("level/0", Value::Int(-11_i32 as u32), Some(Value::Int(0xfff5))),
@@ -259,7 +261,7 @@ fn without_the_time_of_day_or_with_too_many_values_there_is_no_birth_and_the_rea
             assert!(shown.contains("the time of day is not known"), "{shown}");
         },
     );
-    let many = "\npoint many plc coil 0 count 2000 read 10s";
+    let many = "\npoint many plc coil 0 count 1968 read 10s";
     node(many, |world, rig, _, broker| {
         assert!(broker.connections().is_empty());
         let shown = shown(world, rig);

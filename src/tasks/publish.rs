@@ -30,7 +30,7 @@ use self::source::{Calendar, Source};
 use crate::gateway::date::Date;
 use crate::gateway::publishers::state::Report;
 use crate::gateway::{Gateway, Status};
-use crate::hal::{OpenError, OpenErrorKind, TcpConnect};
+use crate::hal::{OpenError, OpenErrorKind, TcpConnect, TcpStream as _};
 use crate::mqtt::Inbox;
 use crate::settings::PUBLISHERS_MAX;
 
@@ -60,6 +60,8 @@ async fn publish_to(
     // The first one is 0.
     let bd_seq = Cell::new(u8::MAX);
     loop {
+        // The settings that are read now have it.
+        state.changed.reset();
         if let Some(publisher) = gateway.settings(|settings| settings.publishers.get(nth).cloned()) {
             let mut session = Session::new(gateway.last_audit());
             let source = Source { gateway, publisher: &publisher, nth, state, calendar, bd_seq: &bd_seq };
@@ -106,7 +108,11 @@ impl Source<'_, '_> {
             }
             Either::Second(never) => match never {},
         };
-        self.serve(&mut stream, &mut inbox, &accepted, session).await
+        self.serve(&mut stream, &mut inbox, &accepted, session).await?;
+        stream.close().await;
+        // The task ends this session, and begins another.
+        self.state.changed.signal(());
+        pending().await
     }
 
     /// Notes changes while there is no connection, so that what is lost is counted.

@@ -1,9 +1,8 @@
 //! One connection to a broker.
 
-use core::convert::Infallible;
 use core::fmt::{self, Write as _};
 
-use embassy_futures::select::{Either3, select3};
+use embassy_futures::select::{Either4, select4};
 use embassy_time::{Duration, Instant, Timer, with_timeout};
 use embedded_io_async::{Read, Write};
 
@@ -136,14 +135,14 @@ impl Source<'_, '_> {
         }
     }
 
-    /// Publishes on an open connection.
+    /// Publishes on an open connection, until the settings change.
     pub(super) async fn serve(
         &self,
         stream: &mut (impl Read + Write),
         inbox: &mut Inbox,
         accepted: &Accepted,
         session: &mut Session,
-    ) -> Result<Infallible, OpenError> {
+    ) -> Result<(), OpenError> {
         if !accepted.takes_qos_1 {
             return Err(NO_QOS);
         }
@@ -172,11 +171,20 @@ impl Source<'_, '_> {
             self.state.report(|report| report.queued = session.queued());
             let next = Instant::now() + CHECK_PERIOD;
             let due = session.due().map_or(next, |due| due.min(next)).min(alive.due());
-            match select3(stream.read(inbox.room()), self.state.values.wait(), Timer::at(due)).await {
-                Either3::First(Ok(0)) => return Err(CLOSED),
-                Either3::First(Ok(count)) => inbox.arrived(count),
-                Either3::First(Err(_)) => return Err(BROKEN),
-                Either3::Second(()) | Either3::Third(()) => {}
+            let (changed, values) = (self.state.changed.wait(), self.state.values.wait());
+            // Other settings come before the values that they bring.
+            match select4(changed, stream.read(inbox.room()), values, Timer::at(due)).await {
+                Either4::First(()) => {
+                    if self.is_sparkplug() {
+                        // The broker tells it as well.
+                        let _ = send(stream, &self.death().unwrap_or_default()).await;
+                    }
+                    return Ok(());
+                }
+                Either4::Second(Ok(0)) => return Err(CLOSED),
+                Either4::Second(Ok(count)) => inbox.arrived(count),
+                Either4::Second(Err(_)) => return Err(BROKEN),
+                Either4::Third(()) | Either4::Fourth(()) => {}
             }
         }
     }

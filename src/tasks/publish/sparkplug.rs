@@ -7,6 +7,7 @@ use core::fmt;
 
 use embassy_time::Instant;
 use embedded_io_async::Write;
+use heapless::vec::VecView;
 
 use super::link::{failed, send};
 use super::mark::{Sample, sample};
@@ -14,12 +15,13 @@ use super::session::Session;
 use super::source::Source;
 use crate::hal::OpenError;
 use crate::mqtt::sparkplug::{BD_SEQ, DataType, Metric, REBIRTH, SEQ_BYTES_MAX, Value};
-use crate::mqtt::{self, Accepted, LongPacket, Message, Qos, Writer};
+use crate::mqtt::{self, Accepted, LongPacket, Message, Packet, Qos, Writer};
 use crate::scanner::RowId;
 use crate::settings::PointSettings;
 
 const TOO_LONG: OpenError = failed("Sparkplug: all points do not fit in one message");
 const NO_TIME: OpenError = failed("Sparkplug: the time of day is not known");
+const NAME_TAKEN: OpenError = failed("Sparkplug: no point may have the name bdSeq");
 
 /// What is done with the value of a point that was written; `None`: it is still being written to the device.
 type Told<'t> = &'t mut dyn FnMut(usize, Option<&Sample>);
@@ -48,7 +50,7 @@ impl Source<'_, '_> {
 
     fn publish_into(
         &self,
-        packet: &mut LongPacket,
+        packet: &mut VecView<u8>,
         kind: &'static str,
         write: impl FnOnce(&mut Writer<'_>),
     ) -> Result<(), OpenError> {
@@ -60,6 +62,13 @@ impl Source<'_, '_> {
             Ok(())
         });
         if fits { Ok(()) } else { Err(TOO_LONG) }
+    }
+
+    /// The death certificate of a node that leaves by itself (5.5): the same as the broker's.
+    pub(super) fn death(&self) -> Result<Packet, OpenError> {
+        let mut packet = Packet::new();
+        self.publish_into(&mut packet, "NDEATH", |out| self.write_bd_seq(None, out))?;
+        Ok(packet)
     }
 
     /// The payload of the death certificate (6.4.25). It has no time: the broker sends it later.
@@ -75,6 +84,9 @@ impl Source<'_, '_> {
 
     /// Whether a birth certificate can be made. A host must not hear of a node that never comes.
     pub(super) fn fits(&self) -> Result<(), OpenError> {
+        if self.gateway.settings(|settings| settings.find_point(BD_SEQ).is_some()) {
+            return Err(NAME_TAKEN);
+        }
         self.birth(&mut LongPacket::new(), &mut |_, _| {})
     }
 

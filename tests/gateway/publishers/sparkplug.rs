@@ -131,12 +131,15 @@ fn a_host_gets_another_birth_under_the_same_connection_and_a_new_connection_has_
 }
 
 #[test]
-fn other_points_lead_to_another_birth() {
+fn other_points_lead_to_a_death_that_is_told_and_another_birth() {
     node("", |world, rig, _, broker| {
         let from = broker.published().len();
         world.run_until(typed(rig.gateway, "point more plc holding 8 count 2 as i16 read 100ms"));
         world.run_for(5 * SECOND);
-        let (message, birth) = since(broker, from).remove(0);
+        let (message, death) = since(broker, from).remove(0);
+        assert_eq!((&message.topic[..], message.retained), ("spBv1.0/Site/NDEATH/plant", false));
+        assert_eq!((death.names(), death.seq, long(&death, "bdSeq")), (vec!["bdSeq"], None, 0));
+        let (message, birth) = since(broker, from).remove(1);
         assert_eq!((&message.topic[..], birth.seq, long(&birth, "bdSeq")), (BIRTH, Some(0), 1));
         assert_eq!(birth.names(), ["bdSeq", REBIRTH, "count", "limit", "fixed", "more/0", "more/1"]);
     });
@@ -251,7 +254,7 @@ point power plc holding 60 as f32 read 100ms write change";
 }
 
 #[test]
-fn without_the_time_of_day_or_with_too_many_values_there_is_no_birth_and_the_reason_is_shown() {
+fn without_the_time_of_day_or_with_points_that_do_not_fit_there_is_no_birth_and_the_reason_is_shown() {
     published_by(
         |_| None,
         NODE,
@@ -261,6 +264,11 @@ fn without_the_time_of_day_or_with_too_many_values_there_is_no_birth_and_the_rea
             assert!(shown.contains("the time of day is not known"), "{shown}");
         },
     );
+    node("\npoint BDSEQ plc holding 9 read 10s", |world, rig, _, broker| {
+        assert!(broker.connections().is_empty());
+        let shown = shown(world, rig);
+        assert!(shown.contains("no point may have the name bdSeq"), "{shown}");
+    });
     let many = "\npoint many plc coil 0 count 1968 read 10s";
     node(many, |world, rig, _, broker| {
         assert!(broker.connections().is_empty());

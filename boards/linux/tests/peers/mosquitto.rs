@@ -106,6 +106,11 @@ impl Device {
         self.registers.lock().unwrap().values.insert(register, value);
     }
 
+    /// It does not respond any more.
+    pub(crate) fn fall_silent(&self) {
+        self.registers.lock().unwrap().is_silent = true;
+    }
+
     pub(crate) fn get(&self, register: u16) -> u16 {
         self.registers.lock().unwrap().values.get(&register).copied().unwrap_or(0)
     }
@@ -326,7 +331,7 @@ fn commands(device: &Device, listener: &Listener, port: u16, who: &[&str]) {
 
 /// A device that does not respond makes its values stale, with the time at which they were read.
 fn silence(device: &Device, listener: &Listener) {
-    device.registers.lock().unwrap().is_silent = true;
+    device.fall_silent();
     let stale = listener.wait("site/a/points/level", |text| text.contains("stale"));
     let good = listener.all("site/a/points/level");
     let good = good.iter().rfind(|heard| heard.text.contains("good")).unwrap();

@@ -7,7 +7,7 @@ use std::time::SystemTime;
 
 use serde_json::Value;
 
-use crate::common::wait_for;
+use crate::common::{converse, wait_for};
 use crate::mosquitto::{Broker, Device, gateway};
 use crate::outside::{Running, Tool, script};
 
@@ -84,11 +84,40 @@ fn a_host_hears_birth_changes_and_death_and_writes() {
         host.say("Node Control/Rebirth boolean_value true");
         let again = host.wait("NBIRTH", |told| told["metrics"]["limit"]["value"] == 1234);
         assert_eq!(again["metrics"]["bdSeq"]["value"], 0);
+        assert_eq!(again["metrics"]["level/0"]["value"], 0xffff);
+        device.fall_silent();
+        stale(&mut host);
+        // Other settings: the node leaves and comes again.
+        converse(&mut program.session(), "point more local holding 9\nshow config\n", "point more");
+        dies(&host, 0);
+        let next = host.wait("NBIRTH", |told| told["metrics"]["bdSeq"]["value"] == 1);
+        assert_eq!((&next["seq"], &next["metrics"]["more"]["type"]), (&0.into(), &6.into()));
+        // What this life has not read is null.
+        let count = &next["metrics"]["count"];
+        assert!(count["null"] == true || count["quality"] == 500, "{count}");
         drop(program);
-        let death = host.wait("NDEATH", |_| true);
-        assert_eq!((&death["seq"], &death["metrics"]["bdSeq"]["value"]), (&Value::Null, &0.into()));
+        dies(&host, 1);
         numbers_have_no_gaps(&host.heard.lock().unwrap());
     }
+}
+
+/// A device that does not respond makes its values stale, under the time at which they were read; so they are in a birth certificate.
+fn stale(host: &mut Host) {
+    let is_stale = |told: &Value| told["metrics"]["count"]["quality"] == 500;
+    let stale = host.wait("NDATA", is_stale)["metrics"]["count"].clone();
+    let last = host.wait("NDATA", |told| {
+        let count = &told["metrics"]["count"];
+        count["quality"] == 192 && count["value"] == stale["value"]
+    });
+    assert_eq!((&stale["time"], &stale["null"]), (&last["metrics"]["count"]["time"], &false.into()));
+    host.say("Node Control/Rebirth boolean_value true");
+    let birth = host.wait("NBIRTH", is_stale)["metrics"]["count"].clone();
+    assert_eq!((&birth["time"], &birth["value"]), (&stale["time"], &stale["value"]));
+}
+
+fn dies(host: &Host, bd_seq: u64) {
+    let death = host.wait("NDEATH", |told| told["metrics"]["bdSeq"]["value"] == bd_seq);
+    assert_eq!((&death["seq"], &death["retained"]), (&Value::Null, &false.into()));
 }
 
 fn numbers_have_no_gaps(heard: &[Value]) {

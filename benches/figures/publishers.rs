@@ -42,7 +42,7 @@ fn with_broker(bus: &str, devices: u8, scenario: impl for<'w> FnOnce(&mut World<
         let address = BROKER.parse().expect("an address");
         world.spawn(broker.clone().serve(rig.network.serve(address)));
         let (gateway, connector) = (rig.gateway, rig.network.connector());
-        world.spawn(async move { gateway.publish(&connector, |_, _| None).await });
+        world.spawn(async move { gateway.publish(&connector, |_| None).await });
         scenario(world, rig, &broker);
     });
 }

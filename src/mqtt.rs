@@ -5,6 +5,8 @@
 mod receive;
 #[cfg(feature = "mqtt")]
 mod send;
+#[cfg(feature = "mqtt")]
+pub(crate) mod sparkplug;
 
 #[cfg(feature = "mqtt")] // As what they test.
 #[cfg(test)]
@@ -13,7 +15,10 @@ mod tests;
 #[cfg(feature = "mqtt")]
 pub(crate) use self::receive::{Accepted, Inbox, Malformed, Received};
 #[cfg(feature = "mqtt")]
-pub(crate) use self::send::{Connect, DUP, Message, PING, Packet, Reply, Text, connect, publish, subscribe};
+pub(crate) use self::send::{
+    Connect, DUP, LongPacket, Message, PING, Packet, Qos, Reply, Text, Will, Writer, acknowledge, connect,
+    publish, publish_into, subscribe,
+};
 
 /// The version of the protocol.
 // Images without publishers name none.
@@ -29,6 +34,10 @@ pub(crate) enum Version {
 /// Longest packet that is sent, in bytes: the values of a point of 2000 bits, or of 125 registers with a scale.
 #[cfg(feature = "mqtt")]
 pub(crate) const PACKET_BYTES_MAX: usize = 4608;
+/// Longest packet that is sent once and not kept: all values of all points, with their names (Sparkplug).
+#[cfg(feature = "mqtt")]
+pub(crate) const LONG_PACKET_BYTES_MAX: usize =
+    if cfg!(feature = "small") { PACKET_BYTES_MAX } else { 1 << 16 };
 /// Longest packet that is taken, in bytes; a longer one is passed over.
 #[cfg(feature = "mqtt")]
 pub(crate) const RECEIVED_BYTES_MAX: usize = 1024;

@@ -42,7 +42,7 @@ fn with_broker(bus: &str, devices: u8, scenario: impl for<'w> FnOnce(&mut World<
         let address = BROKER.parse().expect("an address");
         world.spawn(broker.clone().serve(rig.network.serve(address)));
         let (gateway, connector) = (rig.gateway, rig.network.connector());
-        world.spawn(async move { gateway.publish(&connector, |_, _| None).await });
+        world.spawn(async move { gateway.publish(&connector, |_| None).await });
         scenario(world, rig, &broker);
     });
 }
@@ -87,7 +87,7 @@ fn commands() {
         for value in 1..=300 {
             world.run_for(Duration::from_micros(random.within(200_000..=400_000)));
             let begin = Instant::now();
-            broker.command("mobgate/points/limit/set", &value.to_string());
+            broker.command("mobgate/points/limit/set", value.to_string());
             world.run_for(Duration::from_secs(1));
             let [written] = &devices[0].take_writes()[..] else {
                 panic!("command {value} was not one write")

@@ -16,11 +16,16 @@ use crate::settings::LINE_BYTES_MAX;
 /// Why a message does not write a point.
 pub(crate) type Refusal = String<112>;
 
-/// Writes the values in `text` to the point called `name`, as the command `write` does; a point that is one text gets it as it is. Returns
-/// the row. [`settled`](super::point_order::settled) tells when it is done.
-pub(crate) fn write_point(gateway: &Gateway<'_>, name: &str, text: &str) -> Result<RowId, Refusal> {
+/// Writes the values in `text` to the point called `name`, from value `nth` on if that is said, as the command `write` does; one text is
+/// written as it is. Returns the row. [`settled`](super::point_order::settled) tells when it is done.
+pub(crate) fn write_point(
+    gateway: &Gateway<'_>,
+    name: &str,
+    nth: Option<u16>,
+    text: &str,
+) -> Result<RowId, Refusal> {
     let state = gateway.scanner().ok_or_else(|| said(format_args!("there are no points")))?;
-    let line = line(gateway, name, text)?;
+    let line = line(gateway, name, nth, text)?;
     let (words, mut cells) = (Words::new(&line), Cells::new());
     let parsed = gateway.settings(|settings| parse(settings, PointCommand::Write, &words, &mut cells));
     let Ok(ask @ Ask::Put { row, .. }) = parsed else {
@@ -32,10 +37,15 @@ pub(crate) fn write_point(gateway: &Gateway<'_>, name: &str, text: &str) -> Resu
 }
 
 /// The words of `write` for a message.
-fn line(gateway: &Gateway<'_>, name: &str, text: &str) -> Result<String<LINE_BYTES_MAX>, Refusal> {
+fn line(
+    gateway: &Gateway<'_>,
+    name: &str,
+    nth: Option<u16>,
+    text: &str,
+) -> Result<String<LINE_BYTES_MAX>, Refusal> {
     let is_text = gateway.settings(|settings| {
         let point = settings.points.get(usize::from(settings.find_point(name)?))?;
-        Some(point.value.is_text() && point.count == 1)
+        Some(point.value.is_text() && (point.count == 1 || nth.is_some()))
     });
     let is_text = is_text.ok_or_else(|| {
         let problem = Problem::Points(PointProblem::NoSuchPoint);
@@ -46,11 +56,12 @@ fn line(gateway: &Gateway<'_>, name: &str, text: &str) -> Result<String<LINE_BYT
     if text.chars().any(char::is_control) {
         return Err(said(format_args!("expected a text without control characters")));
     }
+    let at = fmt::from_fn(|f| nth.map_or(Ok(()), |nth| write!(f, " at {nth}")));
     let mut line = String::new();
     let written = match is_text {
-        true => write!(line, "{name} \"{}\"", WithoutQuotes(text)),
+        true => write!(line, "{name}{at} \"{}\"", WithoutQuotes(text)),
         false if text.trim_ascii().is_empty() => Err(fmt::Error),
-        false => write!(line, "{name} {text}"),
+        false => write!(line, "{name}{at} {text}"),
     };
     written
         .map_err(|_| said(format_args!("expected values, at most {LINE_BYTES_MAX} bytes with the name")))?;

@@ -197,6 +197,10 @@ pub(crate) enum Problem {
     #[cfg(feature = "tls")]
     #[error("needs tls")]
     TlsOnly,
+    /// What does not change is not sent again.
+    #[cfg_attr(not(feature = "mqtt"), allow(dead_code))] // As publishers.
+    #[error("is not for format sparkplug, which sends what changes")]
+    EveryWithSparkplug,
     /// A role for clients that have none.
     #[cfg_attr(not(feature = "tls"), allow(dead_code))] // Told by a branch.
     #[error("clients of this source have no role: only those of a tcp server with tls")]

@@ -22,7 +22,7 @@ use crate::settings::{
 };
 
 keywords!(VERSIONS: Version { "3.1.1": V3, "5": V5 });
-keywords!(FORMATS: Format { "json": Json, "homeassistant": HomeAssistant });
+keywords!(FORMATS: Format { "json": Json, "homeassistant": HomeAssistant, "sparkplug": Sparkplug });
 
 /// What a line has unless it says so.
 const TOPIC: &str = "mobgate";
@@ -153,7 +153,7 @@ pub(crate) fn publish(settings: &mut Settings, words: &Words<'_>) -> Result<Chan
 
 /// The options of a line, in any order.
 fn options(publisher: &mut Publisher, words: &Words<'_>) -> Result<(), Wrong> {
-    let mut seen = 0_u16;
+    let (mut seen, mut group, mut every) = (0_u16, None, None);
     while !words.peek().is_end() {
         let word = words.take();
         let key = word.keyword(KEYS, KEYS_EXPECTED)?;
@@ -162,9 +162,26 @@ fn options(publisher: &mut Publisher, words: &Words<'_>) -> Result<(), Wrong> {
             return Err(word.error(Problem::Twice));
         }
         seen |= bit;
+        match key {
+            Key::Topic => group = Some(words.peek()),
+            Key::Every => every = Some(word),
+            _ => {}
+        }
         set(publisher, key, word, words)?;
     }
-    Ok(())
+    match publisher.format {
+        Format::Sparkplug => fits_sparkplug(group, every),
+        Format::Json | Format::HomeAssistant => Ok(()),
+    }
+}
+
+/// The topic is a group, which is one level of a topic (Sparkplug 4.1.2), and values are sent when they change (2.2).
+fn fits_sparkplug(group: Option<Word<'_>>, every: Option<Word<'_>>) -> Result<(), Wrong> {
+    match (group.filter(|group| group.text.contains('/')), every) {
+        (Some(group), _) => Err(group.expected("a group of Sparkplug, which has no /")),
+        (None, Some(every)) => Err(every.error(Problem::EveryWithSparkplug)),
+        (None, None) => Ok(()),
+    }
 }
 
 fn set(publisher: &mut Publisher, key: Key, word: Word<'_>, words: &Words<'_>) -> Result<(), Wrong> {

@@ -126,7 +126,7 @@ pub(super) const PUBLISH: &str = joined!(&[
     "publish NAME mqtt broker ADDRESS[:PORT] ...\tdata points by MQTT
 publish NAME mqtt broker ADDRESS[:PORT] [OPTION]...
   OPTION: version 3.1.1|5, user NAME, password \"TEXT\", topic PREFIX,
-          every T, format json|homeassistant, commands on|off",
+          every T, format json|homeassistant|sparkplug, commands on|off",
     #[cfg(feature = "tls")]
     ",\n          tls, trust NAME, certificate NAME",
     "

@@ -43,8 +43,10 @@ impl Accepted {
 pub(crate) enum Received<'p> {
     /// CONNACK, or the code of a refusal.
     Connected(Result<Accepted, u8>),
-    /// PUBLISH, sent at most once.
+    /// PUBLISH.
     Message {
+        /// What is to be acknowledged, if the broker sends it at least once.
+        id: Option<u16>,
         topic: &'p str,
         payload: &'p [u8],
         /// It was published before the subscription.
@@ -63,16 +65,16 @@ pub(crate) enum Received<'p> {
 }
 
 /// Reads fields.
-struct Cursor<'p>(&'p [u8]);
+pub(super) struct Cursor<'p>(pub(super) &'p [u8]);
 
 impl<'p> Cursor<'p> {
-    fn bytes(&mut self, count: usize) -> Result<&'p [u8], Malformed> {
+    pub(super) fn bytes(&mut self, count: usize) -> Result<&'p [u8], Malformed> {
         let (bytes, rest) = self.0.split_at_checked(count).ok_or(Malformed)?;
         self.0 = rest;
         Ok(bytes)
     }
 
-    fn byte(&mut self) -> Result<u8, Malformed> {
+    pub(super) fn byte(&mut self) -> Result<u8, Malformed> {
         self.bytes(1)?.first().copied().ok_or(Malformed)
     }
 
@@ -191,10 +193,12 @@ fn connected(version: Version, mut cursor: Cursor<'_>) -> Result<Received<'_>, M
 
 fn message(version: Version, first: u8, mut cursor: Cursor<'_>) -> Result<Received<'_>, Malformed> {
     let topic = cursor.text()?;
-    // Nothing else was subscribed to.
-    if first & 0x06 != 0 {
-        return Err(Malformed);
-    }
+    let id = match first >> 1 & 3 {
+        0 => None,
+        1 => Some(cursor.number()?),
+        // Nothing else was subscribed to.
+        _ => return Err(Malformed),
+    };
     let mut reply = Some(Reply::default());
     cursor.properties(version, &mut |id, value| {
         let Property::Data(data) = value else { return };
@@ -210,7 +214,7 @@ fn message(version: Version, first: u8, mut cursor: Cursor<'_>) -> Result<Receiv
             reply = None;
         }
     })?;
-    Ok(Received::Message { topic, payload: cursor.0, retained: first & 1 == 1, reply })
+    Ok(Received::Message { id, topic, payload: cursor.0, retained: first & 1 == 1, reply })
 }
 
 /// Cuts what arrives into packets. A packet that is too long is passed over.

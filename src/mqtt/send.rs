@@ -3,16 +3,25 @@
 use core::fmt;
 
 use heapless::Vec;
+use heapless::vec::VecView;
 
-use super::{PACKET_BYTES_MAX, RECEIVED_BYTES_MAX, Version, kind, property};
+use super::{LONG_PACKET_BYTES_MAX, PACKET_BYTES_MAX, RECEIVED_BYTES_MAX, Version, kind, property};
 
 /// A packet.
 pub(crate) type Packet = Vec<u8, PACKET_BYTES_MAX>;
+/// One that may be longer.
+pub(crate) type LongPacket = Vec<u8, LONG_PACKET_BYTES_MAX>;
 
 /// Flags of PUBLISH (3.1.1 and 5: 3.3.1): sent again; at least once; retained by the broker.
 pub(crate) const DUP: u8 = 0x08;
 const QOS_1: u8 = 0x02;
 const RETAIN: u8 = 0x01;
+
+/// Flags of CONNECT (3.1.1 and 5: 3.1.2.3): a session of before is forgotten; a will, at least once, retained.
+const CLEAN: u8 = 0x02;
+const WILL: u8 = 0x04;
+const WILL_QOS_1: u8 = 0x08;
+const WILL_RETAIN: u8 = 0x20;
 
 /// Seconds for which the broker keeps the session of a client that is gone.
 const SESSION_EXPIRY_S: u32 = 24 * 3_600;
@@ -35,14 +44,32 @@ pub(crate) struct Connect<'c> {
     pub(crate) password: &'c str,
     /// Seconds.
     pub(crate) keep_alive: u16,
-    /// What the broker publishes, retained, when the connection breaks.
-    pub(crate) will: (Text<'c>, &'static str),
+    /// Whether the broker forgets the session of before, and this one when the connection ends.
+    pub(crate) is_clean: bool,
+    pub(crate) will: Will<'c>,
 }
 
-/// A message to publish, at least once (3.3).
+/// What the broker publishes, at least once, when the connection breaks.
+pub(crate) struct Will<'c> {
+    pub(crate) topic: Text<'c>,
+    /// Writes the payload.
+    pub(crate) write: &'c dyn Fn(&mut Writer<'_>) -> fmt::Result,
+    pub(crate) retained: bool,
+}
+
+/// How sure delivery is (4.3).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Qos {
+    /// At most once.
+    Once,
+    /// At least once: the acknowledgement has this id.
+    Acknowledged(u16),
+}
+
+/// A message to publish (3.3).
 pub(crate) struct Message<'m> {
     pub(crate) version: Version,
-    pub(crate) id: u16,
+    pub(crate) qos: Qos,
     pub(crate) retained: bool,
     pub(crate) topic: Text<'m>,
     /// For which request it is, in version 5.
@@ -57,21 +84,28 @@ pub(crate) struct Reply {
 }
 
 /// A packet being written. What does not fit is noticed at the end.
-struct Writer {
-    packet: Packet,
+pub(crate) struct Writer<'p> {
+    packet: &'p mut VecView<u8>,
     is_full: bool,
 }
 
-impl Writer {
-    /// Begins with the first byte, and room for two bytes of the remaining length.
-    fn new(first: u8) -> Self {
-        let mut writer = Self { packet: Packet::new(), is_full: false };
-        writer.bytes(&[first, 0, 0]);
+impl<'p> Writer<'p> {
+    /// Begins with the first byte, and room for the remaining length.
+    fn new(packet: &'p mut VecView<u8>, first: u8) -> Self {
+        packet.clear();
+        let mut writer = Self { packet, is_full: false };
+        writer.bytes(&[first]);
+        writer.bytes(&[0; LENGTH_BYTES_MAX]);
         writer
     }
 
-    fn bytes(&mut self, bytes: &[u8]) {
+    pub(super) fn bytes(&mut self, bytes: &[u8]) {
         self.is_full |= self.packet.extend_from_slice(bytes).is_err();
+    }
+
+    /// A text without its length.
+    pub(super) fn formatted(&mut self, text: Text<'_>) {
+        self.is_full |= fmt::write(self, text).is_err();
     }
 
     fn number(&mut self, number: u16) {
@@ -84,84 +118,150 @@ impl Writer {
         self.bytes(data);
     }
 
-    /// A text with its length (1.5.3; 5: 1.5.4).
-    fn text(&mut self, text: Text<'_>) {
+    /// What `write` writes, with its length.
+    fn written(&mut self, write: impl FnOnce(&mut Self) -> fmt::Result) {
         let at = self.packet.len();
         self.number(0);
-        self.is_full |= fmt::write(self, text).is_err();
+        self.is_full |= write(self).is_err();
         let bytes = self.packet.len().saturating_sub(at + 2) as u16;
         if let Some(length) = self.packet.get_mut(at..at + 2) {
             length.copy_from_slice(&bytes.to_be_bytes());
         }
     }
 
-    /// The packet with its remaining length (2.2.3; 5: 1.5.5, in as few bytes as possible); `None` if it is too long.
-    fn finish(mut self) -> Option<Packet> {
-        let [low, high] = split(self.packet.len().checked_sub(3)?);
-        if let Some(length) = self.packet.get_mut(1..3) {
-            length.copy_from_slice(&[low, high]);
+    /// A text with its length (1.5.3; 5: 1.5.4).
+    fn text(&mut self, text: Text<'_>) {
+        self.written(|writer| fmt::write(writer, text));
+    }
+
+    /// What `write` writes, behind its length as a [`varint`].
+    pub(super) fn measured(&mut self, write: impl FnOnce(&mut Self)) {
+        let at = self.packet.len();
+        write(self);
+        // The length is known now: it comes last, and is moved to the front.
+        let length = varint((self.packet.len() - at) as u64);
+        self.bytes(&length);
+        if let Some(all) = self.packet.get_mut(at..).filter(|all| all.len() >= length.len()) {
+            all.rotate_right(length.len());
         }
-        if high == 0 && !self.is_full {
-            self.packet.remove(2);
+    }
+
+    /// Has `write` write. Returns whether there was room for that and for `rest` bytes; if not, nothing is written.
+    pub(crate) fn attempt(&mut self, rest: usize, write: impl FnOnce(&mut Self)) -> bool {
+        let before = (self.packet.len(), self.is_full);
+        write(self);
+        let fits = !self.is_full && self.packet.capacity() - self.packet.len() >= rest;
+        if !fits {
+            self.packet.truncate(before.0);
+            self.is_full = before.1;
         }
-        (!self.is_full).then_some(self.packet)
+        fits
+    }
+
+    /// Puts the remaining length in its place (2.2.3; 5: 1.5.5, in as few bytes as possible). Returns whether all did fit.
+    fn finish(self) -> bool {
+        let body = 1 + LENGTH_BYTES_MAX;
+        if self.is_full || self.packet.len() < body {
+            return false;
+        }
+        let length = varint((self.packet.len() - body) as u64);
+        let idle = LENGTH_BYTES_MAX - length.len();
+        self.packet.copy_within(body.., body - idle);
+        self.packet.truncate(self.packet.len() - idle);
+        if let Some(place) = self.packet.get_mut(1..=length.len()) {
+            place.copy_from_slice(&length);
+        }
+        true
     }
 }
 
-impl fmt::Write for Writer {
+impl fmt::Write for Writer<'_> {
     fn write_str(&mut self, text: &str) -> fmt::Result {
         self.packet.extend_from_slice(text.as_bytes()).map_err(|_| fmt::Error)
     }
 }
 
-/// A length below 16384: seven bits a byte, the lower ones first; the second byte is 0 if one is enough.
-fn split(length: usize) -> [u8; 2] {
-    let [low, high] = [length & 0x7f, length >> 7].map(|bits| bits as u8);
-    [if high > 0 { low | 0x80 } else { low }, high]
+/// A number with seven bits a byte, the lower ones first, in as few bytes as possible. So are lengths in MQTT, and numbers in protobuf.
+pub(super) fn varint(mut number: u64) -> Vec<u8, 10> {
+    let mut bytes = Vec::new();
+    loop {
+        let (low, rest) = (number as u8 & 0x7f, number >> 7);
+        // Ten bytes have room for 64 bits.
+        let _ = bytes.push(if rest > 0 { low | 0x80 } else { low });
+        if rest == 0 {
+            return bytes;
+        }
+        number = rest;
+    }
 }
 
-const _: () = assert!(PACKET_BYTES_MAX < 1 << 14, "two bytes of remaining length");
+/// Bytes of the remaining length of the longest packet.
+const LENGTH_BYTES_MAX: usize = 3;
 
-/// CONNECT: the session stays when the connection breaks.
+const _: () =
+    assert!(LONG_PACKET_BYTES_MAX < 1 << (7 * LENGTH_BYTES_MAX) && PACKET_BYTES_MAX <= LONG_PACKET_BYTES_MAX);
+
+/// The packet that `write` writes behind the first byte; `None` if it is too long.
+fn packet(first: u8, write: impl FnOnce(&mut Writer<'_>)) -> Option<Packet> {
+    let mut packet = Packet::new();
+    let mut writer = Writer::new(&mut packet, first);
+    write(&mut writer);
+    writer.finish().then_some(packet)
+}
+
+/// CONNECT.
 pub(crate) fn connect(connect: &Connect<'_>) -> Option<Packet> {
-    let Connect { version, client, user, password, keep_alive, will } = connect;
+    let Connect { version, client, user, password, keep_alive, is_clean, will } = connect;
     let five = *version == Version::V5;
-    let mut writer = Writer::new(kind::CONNECT << 4);
-    writer.data(b"MQTT");
     let [has_user, has_password] = [user, password].map(|text| u8::from(!text.is_empty()));
-    // A will, at least once, retained.
-    let flags = has_user << 7 | has_password << 6 | 0x20 | 0x08 | 0x04;
-    writer.bytes(&[if five { 5 } else { 4 }, flags]);
-    writer.number(*keep_alive);
-    if five {
-        writer.bytes(&[5 + 5, property::SESSION_EXPIRY]);
-        writer.bytes(&SESSION_EXPIRY_S.to_be_bytes());
-        writer.bytes(&[property::PACKET_MAX]);
-        writer.bytes(&(RECEIVED_BYTES_MAX as u32).to_be_bytes());
-    }
-    writer.text(*client);
-    if five {
-        // The will has no properties.
-        writer.bytes(&[0]);
-    }
-    let (topic, gone) = will;
-    writer.text(*topic);
-    writer.data(gone.as_bytes());
-    for text in [user, password].into_iter().filter(|text| !text.is_empty()) {
-        writer.data(text.as_bytes());
-    }
-    writer.finish()
+    let flag = |flag: u8, is_set: bool| if is_set { flag } else { 0 };
+    let kept = flag(CLEAN, *is_clean) | flag(WILL_RETAIN, will.retained);
+    packet(kind::CONNECT << 4, |writer| {
+        writer.data(b"MQTT");
+        let flags = has_user << 7 | has_password << 6 | WILL | WILL_QOS_1 | kept;
+        writer.bytes(&[if five { 5 } else { 4 }, flags]);
+        writer.number(*keep_alive);
+        if five {
+            writer.bytes(&[5 + 5, property::SESSION_EXPIRY]);
+            writer.bytes(&if *is_clean { 0 } else { SESSION_EXPIRY_S }.to_be_bytes());
+            writer.bytes(&[property::PACKET_MAX]);
+            writer.bytes(&(RECEIVED_BYTES_MAX as u32).to_be_bytes());
+        }
+        writer.text(*client);
+        if five {
+            // The will has no properties.
+            writer.bytes(&[0]);
+        }
+        writer.text(will.topic);
+        writer.written(will.write);
+        for text in [user, password].into_iter().filter(|text| !text.is_empty()) {
+            writer.data(text.as_bytes());
+        }
+    })
 }
 
 /// PUBLISH with the payload that `write` writes.
 pub(crate) fn publish(
     message: &Message<'_>,
-    write: impl FnOnce(&mut dyn fmt::Write) -> fmt::Result,
+    write: impl FnOnce(&mut Writer<'_>) -> fmt::Result,
 ) -> Option<Packet> {
-    let Message { version, id, retained, topic, correlation } = message;
-    let mut writer = Writer::new(kind::PUBLISH << 4 | QOS_1 | if *retained { RETAIN } else { 0 });
+    let mut packet = Packet::new();
+    publish_into(&mut packet, message, write).then_some(packet)
+}
+
+/// The same into `packet`. Returns whether it did fit.
+pub(crate) fn publish_into(
+    packet: &mut VecView<u8>,
+    message: &Message<'_>,
+    write: impl FnOnce(&mut Writer<'_>) -> fmt::Result,
+) -> bool {
+    let Message { version, qos, retained, topic, correlation } = message;
+    let flags = if *qos == Qos::Once { 0 } else { QOS_1 } | if *retained { RETAIN } else { 0 };
+    let mut writer = Writer::new(packet, kind::PUBLISH << 4 | flags);
     writer.text(*topic);
-    writer.number(*id);
+    if let Qos::Acknowledged(id) = qos {
+        writer.number(*id);
+    }
     if *version == Version::V5 {
         match correlation.len() {
             0 => writer.bytes(&[0]),
@@ -177,14 +277,21 @@ pub(crate) fn publish(
 
 const _: () = assert!(3 + super::CORRELATION_BYTES_MAX < 128, "one byte of property length");
 
-/// SUBSCRIBE, at most once: the broker keeps no message for a client that is gone.
-pub(crate) fn subscribe(version: Version, id: u16, filter: Text<'_>) -> Option<Packet> {
-    let mut writer = Writer::new(kind::SUBSCRIBE << 4 | RESERVED);
-    writer.number(id);
-    if version == Version::V5 {
-        writer.bytes(&[0]);
-    }
-    writer.text(filter);
-    writer.bytes(&[if version == Version::V5 { NOT_RETAINED } else { 0 }]);
-    writer.finish()
+/// SUBSCRIBE: messages come at most once, since the broker is to keep none for a client that is gone, or at least once.
+pub(crate) fn subscribe(version: Version, id: u16, filter: Text<'_>, at_least_once: bool) -> Option<Packet> {
+    packet(kind::SUBSCRIBE << 4 | RESERVED, |writer| {
+        writer.number(id);
+        if version == Version::V5 {
+            writer.bytes(&[0]);
+        }
+        writer.text(filter);
+        let options = if version == Version::V5 { NOT_RETAINED } else { 0 };
+        writer.bytes(&[options | u8::from(at_least_once)]);
+    })
+}
+
+/// PUBACK (3.4).
+pub(crate) fn acknowledge(id: u16) -> [u8; 4] {
+    let [high, low] = id.to_be_bytes();
+    [kind::PUBACK << 4, 2, high, low]
 }

@@ -2,6 +2,9 @@
 
 extern crate std;
 
+mod sparkplug;
+
+use core::fmt::Write as _;
 use std::format;
 use std::string::String;
 use std::vec::Vec;
@@ -11,15 +14,24 @@ use proptest::prelude::*;
 use super::*;
 
 fn hello(version: Version) -> Packet {
+    hello_as(version, false).unwrap_or_default()
+}
+
+/// For Sparkplug: a clean session, and a will that is not retained.
+fn hello_as(version: Version, is_clean: bool) -> Option<Packet> {
     connect(&Connect {
         version,
         client: format_args!("m-p"),
         user: "u",
         password: "pw",
         keep_alive: 30,
-        will: (format_args!("m/p/status"), "offline"),
+        is_clean,
+        will: Will {
+            topic: format_args!("m/p/status"),
+            write: &|out| out.write_str("offline"),
+            retained: !is_clean,
+        },
     })
-    .unwrap()
 }
 
 /// 3.1.1, 3.1: name, level 4, flags (user, password, retained will at QoS 1), keep alive, client, will, user, password.
@@ -48,11 +60,19 @@ fn connect_of_5() {
     assert_eq!(hello(Version::V5)[..], expected[..]);
 }
 
+/// 3.1.2.4 and 5, 3.1.2.11.2: clean session (02h) and no retained will (20h), or a session expiry of 0.
+#[test]
+fn a_clean_session_is_forgotten_when_the_connection_ends() {
+    assert_eq!(hello_as(Version::V3, true).unwrap()[9], 0b1100_1110);
+    let five = hello_as(Version::V5, true).unwrap();
+    assert_eq!((five[9], &five[12..18]), (0b1100_1110, &[10, 0x11, 0, 0, 0, 0][..]));
+}
+
 #[test]
 fn publish_has_topic_id_and_properties_before_its_payload() {
     let message = |version, correlation| Message {
         version,
-        id: 0x0102,
+        qos: Qos::Acknowledged(0x0102),
         retained: true,
         topic: format_args!("a/b"),
         correlation,
@@ -64,32 +84,41 @@ fn publish_has_topic_id_and_properties_before_its_payload() {
     assert_eq!(made(&message(Version::V5, b"xy")), *b"\x33\x0f\0\x03a/b\x01\x02\x05\x09\0\x02xy17");
     let plain = Message { retained: false, ..message(Version::V3, &[]) };
     assert_eq!(made(&plain)[0], 0x32);
+    // At most once it has no id.
+    assert_eq!(made(&Message { qos: Qos::Once, ..plain }), *b"\x30\x07\0\x03a/b17");
 }
 
-/// 2.2.3: 127 bytes need one byte of remaining length, 128 two: 80h 01h.
+/// 2.2.3: 127 bytes need one byte of remaining length, 128 two: 80h 01h, and 16384 three: 80h 80h 01h.
 #[test]
 fn the_remaining_length_has_as_few_bytes_as_possible() {
     let of = |count: usize| {
         let message = Message {
             version: Version::V3,
-            id: 1,
+            qos: Qos::Acknowledged(1),
             retained: false,
             topic: format_args!("t"),
             correlation: &[],
         };
-        publish(&message, |out| out.write_str(&"x".repeat(count)))
+        let mut long = LongPacket::new();
+        let text = "x".repeat(count);
+        let fits = publish_into(&mut long, &message, |out| out.write_str(&text));
+        let short = publish(&message, |out| out.write_str(&text));
+        assert_eq!(short.is_some(), count + 9 <= PACKET_BYTES_MAX);
+        fits.then_some(long)
     };
     assert_eq!(of(122).unwrap()[..4], [0x32, 127, 0, 1]);
     assert_eq!(of(123).unwrap()[..5], [0x32, 0x80, 0x01, 0, 1]);
-    assert!(of(PACKET_BYTES_MAX - 8).is_some());
-    assert_eq!(of(PACKET_BYTES_MAX), None);
+    assert_eq!(of(16_378).unwrap()[..4], [0x32, 0xff, 0x7f, 0]);
+    assert_eq!(of(16_379).unwrap()[..5], [0x32, 0x80, 0x80, 0x01, 0]);
+    assert!(of(LONG_PACKET_BYTES_MAX - 9).is_some());
+    assert_eq!(of(LONG_PACKET_BYTES_MAX - 8), None);
 }
 
 #[test]
-fn subscribe_asks_for_qos_0_and_for_nothing_that_was_retained() {
+fn subscribe_asks_for_its_qos_and_for_nothing_that_was_retained() {
     let filter = format_args!("m/+");
-    assert_eq!(subscribe(Version::V3, 0xffff, filter).unwrap(), *b"\x82\x08\xff\xff\0\x03m/+\0");
-    assert_eq!(subscribe(Version::V5, 0xffff, filter).unwrap(), *b"\x82\x09\xff\xff\0\0\x03m/+\x20");
+    assert_eq!(subscribe(Version::V3, 0xffff, filter, false).unwrap(), *b"\x82\x08\xff\xff\0\x03m/+\0");
+    assert_eq!(subscribe(Version::V5, 0xffff, filter, true).unwrap(), *b"\x82\x09\xff\xff\0\0\x03m/+\x21");
 }
 
 fn one(version: Version, bytes: &[u8]) -> String {
@@ -127,9 +156,11 @@ fn what_a_broker_sends_is_understood() {
         (Version::V3, &[0xd0, 0], "Pong"),
         (Version::V5, &[0xe0, 1, 0x8b], "Disconnected { reason: 139 }"),
         (Version::V5, &[0xe0, 0], "Disconnected { reason: 0 }"),
-        // Not for a client, a message with an acknowledgement, no end of a length, an unknown property, cut.
+        (Version::V3, b"\x32\x07\0\x01t\x01\x0217", "id: Some(258)"),
+        (Version::V3, b"\x30\x05\0\x01t17", "id: None"),
+        // Not for a client, a message that comes exactly once, no end of a length, an unknown property, cut.
         (Version::V3, &[0x10, 0], "Malformed"),
-        (Version::V3, b"\x32\x07\0\x01t\0\x0117", "Malformed"),
+        (Version::V3, b"\x34\x07\0\x01t\0\x0117", "Malformed"),
         (Version::V3, &[0x30, 0xff, 0xff, 0xff, 0xff, 1], "Malformed"),
         (Version::V5, &[0x20, 5, 0, 0, 2, 0x7f, 0], "Malformed"),
         (Version::V3, &[0x40, 1, 1], "Malformed"),
@@ -187,7 +218,7 @@ proptest! {
         let mut bytes = Vec::new();
         for (topic, payload) in &messages {
             let message =
-                Message { version, id: 1, retained: true, topic: format_args!("{topic}"), correlation: b"c" };
+                Message { version, qos: Qos::Acknowledged(1), retained: true, topic: format_args!("{topic}"), correlation: b"c" };
             let packet = publish(&message, |out| out.write_str(payload)).unwrap();
             // As a broker passes it on: at most once, so without the id.
             let count = 2 + topic.len() + 2 + if five { 5 } else { 0 } + payload.len();

@@ -92,7 +92,7 @@ impl Decimal {
     }
 
     /// The nearest binary number.
-    pub(super) fn binary(self) -> f64 {
+    pub(crate) fn binary(self) -> f64 {
         self.mantissa as f64 / Self::power(self.decimals)
     }
 

@@ -91,6 +91,12 @@ pub struct LongValue<'r>(Infallible, PhantomData<&'r ()>);
 
 impl LongValue<'_> {
     // As what asks for it.
+    #[cfg(feature = "mqtt")]
+    pub(crate) fn never(&self) -> ! {
+        match self.0 {}
+    }
+
+    // As what asks for it.
     #[cfg(any(feature = "web", feature = "mqtt"))]
     pub(crate) fn write_json(&self, _: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.0 {}

@@ -30,6 +30,11 @@ impl Scale {
     }
 
     #[cfg(feature = "mqtt")]
+    pub(crate) fn is_none(self) -> bool {
+        true
+    }
+
+    #[cfg(feature = "mqtt")]
     pub(crate) fn limits(self, value: ValueType, bits: u16) -> Option<[TypedValue<'static>; 3]> {
         let is_signed = value.is_signed()?;
         let above = 1_i64 << if is_signed { bits - 1 } else { bits };

@@ -23,15 +23,17 @@ const TOPIC_BYTES_MAX: usize = 31;
 /// What the topics of a publisher begin with.
 pub(crate) type TopicPrefix = String<TOPIC_BYTES_MAX>;
 
-/// What is published beside values, status and alarms.
+/// How and what is published.
 // Images without publishers name none.
 #[cfg_attr(not(feature = "mqtt"), allow(dead_code))]
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Format {
-    /// Nothing.
+    /// Values, status and alarms, as JSON.
     Json,
-    /// How Home Assistant finds the points by itself (MQTT discovery).
+    /// The same, and how Home Assistant finds the points by itself (MQTT discovery).
     HomeAssistant,
+    /// Sparkplug B 3.0: an edge node whose metrics are the values. The topic prefix is its group, its name that of the publisher.
+    Sparkplug,
 }
 
 /// A broker, and what it gets.

@@ -10,12 +10,15 @@ mod command;
 mod discovery;
 mod link;
 mod mark;
+mod metrics;
+mod node_command;
 mod payload;
 mod session;
 mod source;
+mod sparkplug;
 
+use core::cell::Cell;
 use core::convert::Infallible;
-use core::fmt;
 use core::future::pending;
 
 use embassy_futures::join::join_array;
@@ -23,10 +26,11 @@ use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Instant, Timer, with_timeout};
 
 use self::session::Session;
-use self::source::{Source, WriteDate};
+use self::source::{Calendar, Source};
+use crate::gateway::date::Date;
 use crate::gateway::publishers::state::Report;
 use crate::gateway::{Gateway, Status};
-use crate::hal::{OpenError, OpenErrorKind, TcpConnect};
+use crate::hal::{OpenError, OpenErrorKind, TcpConnect, TcpStream as _};
 use crate::mqtt::Inbox;
 use crate::settings::PUBLISHERS_MAX;
 
@@ -37,14 +41,10 @@ const PAUSE_FIRST: Duration = Duration::from_secs(1);
 const PAUSE_MAX: Duration = Duration::from_secs(30);
 
 impl Gateway<'_> {
-    /// Publishes to the brokers in the settings, connecting by `connector`; never returns. `write_date` writes the date of a time with
-    /// milliseconds, as RFC 3339 has it, and returns `None` on boards without a calendar.
-    pub async fn publish(
-        &self,
-        connector: &impl TcpConnect,
-        write_date: fn(Instant, &mut dyn fmt::Write) -> Option<fmt::Result>,
-    ) {
-        let publish = |nth| publish_to(self, nth, connector, write_date);
+    /// Publishes to the brokers in the settings, connecting by `connector`; never returns. `calendar` tells the
+    /// date of a time, where the time of day is known otherwise than from an NTP server.
+    pub async fn publish(&self, connector: &impl TcpConnect, calendar: fn(Instant) -> Option<Date>) {
+        let publish = |nth| publish_to(self, nth, connector, calendar);
         let _: [Infallible; PUBLISHERS_MAX] = join_array(core::array::from_fn(publish)).await;
     }
 }
@@ -54,13 +54,17 @@ async fn publish_to(
     gateway: &Gateway<'_>,
     nth: usize,
     connector: &impl TcpConnect,
-    write_date: WriteDate,
+    calendar: Calendar,
 ) -> Infallible {
     let Some(state) = gateway.publisher(nth) else { return pending().await };
+    // The first one is 0.
+    let bd_seq = Cell::new(u8::MAX);
     loop {
+        // The settings that are read now have it.
+        state.changed.reset();
         if let Some(publisher) = gateway.settings(|settings| settings.publishers.get(nth).cloned()) {
             let mut session = Session::new(gateway.last_audit());
-            let source = Source { gateway, publisher: &publisher, nth, state, write_date };
+            let source = Source { gateway, publisher: &publisher, nth, state, calendar, bd_seq: &bd_seq };
             select(source.run(connector, &mut session), state.changed.wait()).await;
         } else {
             state.changed.wait().await;
@@ -93,6 +97,9 @@ impl Source<'_, '_> {
         connector: &impl TcpConnect,
         session: &mut Session,
     ) -> Result<Infallible, OpenError> {
+        if self.is_sparkplug() {
+            self.fits()?;
+        }
         let mut inbox = Inbox::new();
         let connecting = with_timeout(CONNECT_MAX, self.connect(connector, &mut inbox));
         let (mut stream, accepted) = match select(connecting, self.watch(session)).await {
@@ -101,7 +108,11 @@ impl Source<'_, '_> {
             }
             Either::Second(never) => match never {},
         };
-        self.serve(&mut stream, &mut inbox, &accepted, session).await
+        self.serve(&mut stream, &mut inbox, &accepted, session).await?;
+        stream.close().await;
+        // The task ends this session, and begins another.
+        self.state.changed.signal(());
+        pending().await
     }
 
     /// Notes changes while there is no connection, so that what is lost is counted.

@@ -1,5 +1,8 @@
 //! Publishers in virtual time, with a broker that acknowledges or not, is slow, and goes.
 
+mod sparkplug;
+
+use mobgate::gateway::date::Date;
 use mobgate_simulator::broker::{Broker, Published};
 
 use crate::prelude::*;
@@ -10,6 +13,15 @@ const COUNT: &str = "mobgate/points/count";
 
 /// A device with two points behind TCP, and a broker.
 fn published(more: &str, scenario: impl for<'w> FnOnce(&mut World<'w>, &Rig<'w>, &Device, &Broker)) {
+    published_by(|_| None, more, scenario);
+}
+
+/// The same with a calendar.
+fn published_by(
+    calendar: fn(Instant) -> Option<Date>,
+    more: &str,
+    scenario: impl for<'w> FnOnce(&mut World<'w>, &Rig<'w>, &Device, &Broker),
+) {
     let lines = format!(
         "port plc tcp client 10.0.1.1:502 timeout 300ms idle 0
 port scan scanner
@@ -27,7 +39,7 @@ publish plant mqtt broker {BROKER} {more}"
         set(&device, 1, 0);
         world.spawn(broker.clone().serve(rig.network.serve(address(BROKER))));
         let (gateway, connector) = (rig.gateway, rig.network.connector());
-        world.spawn(async move { gateway.publish(&connector, |_, _| None).await });
+        world.spawn(async move { gateway.publish(&connector, calendar).await });
         // The device was not there when the gateway started.
         world.run_for(40 * SECOND);
         scenario(world, rig, &device, &broker);

@@ -76,7 +76,7 @@ const NEEDS: [Need; 41] = [
     by_apt(Group::Peers, "npm", &["npm"]),
     need(
         Group::Peers,
-        "pymodbus, pysunspec2, zeroconf, pysoem, soemx, KickCAT, ethercat-mcp in target/python",
+        "pymodbus, pysunspec2, zeroconf, pysoem, soemx, KickCAT, ethercat-mcp, paho-mqtt, protobuf in target/python",
         By::Own(python),
         |_| is_installed(REQUIREMENTS, "target/python"),
     ),

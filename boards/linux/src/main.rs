@@ -143,7 +143,7 @@ async fn audit_trail() {
 
 #[embassy_executor::task]
 async fn publishers() {
-    GATEWAY.publish(&Connector, |at, out| Some(write!(out, "{:.3}", calendar::date(at)))).await
+    GATEWAY.publish(&Connector, calendar::known).await
 }
 
 #[embassy_executor::task]

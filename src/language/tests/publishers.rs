@@ -27,6 +27,10 @@ fn a_publisher_is_printed_with_what_it_has_not_by_default() {
             "publish p mqtt broker 127.0.0.1:1883 version 3.1.1 topic a/b every 300s format homeassistant commands on\n",
         ),
         (
+            "publish p mqtt broker 127.0.0.1 format sparkplug topic Plant-1 commands on",
+            "publish p mqtt broker 127.0.0.1:1883 topic Plant-1 format sparkplug commands on\n",
+        ),
+        (
             "publish p mqtt broker 127.0.0.1 user u password \"a # b, c\"",
             "publish p mqtt broker 127.0.0.1:1883 user u password \"a # b, c\"\n",
         ),
@@ -78,7 +82,16 @@ fn wrong_words_are_named() {
         ("publish p mqtt broker 127.0.0.1 every 1s every 2s", "is set twice"),
         ("publish p mqtt broker 127.0.0.1 topic a//b", "expected a topic such as"),
         ("publish p mqtt broker 127.0.0.1 topic +/a", "expected a topic such as"),
-        ("publish p mqtt broker 127.0.0.1 format xml", "expected json or homeassistant"),
+        ("publish p mqtt broker 127.0.0.1 format xml", "expected json, homeassistant or sparkplug"),
+        (
+            "publish p mqtt broker 127.0.0.1 topic a/b format sparkplug",
+            "\"a/b\": expected a group of Sparkplug",
+        ),
+        ("publish p mqtt broker 127.0.0.1 format sparkplug topic a+b", "expected a topic such as"),
+        (
+            "publish p mqtt broker 127.0.0.1 every 60s format sparkplug",
+            "\"every\": is not for format sparkplug",
+        ),
         ("publish p mqtt broker 127.0.0.1 commands yes", "expected on or off"),
         ("publish p mqtt broker 127.0.0.1 password \"x\"", "expected user NAME before the password"),
         ("publish p mqtt broker 127.0.0.1 comands on", "did you mean commands?"),

@@ -1,6 +1,6 @@
 //! Which points are to be sent: those whose value or quality has changed since, and those not sent for long.
 
-use embassy_time::Instant;
+use embassy_time::{Duration, Instant};
 
 use super::mark::sample;
 use super::session::Session;
@@ -11,7 +11,9 @@ impl Source<'_, '_> {
     /// Marks the points that are to be sent, and counts values that are replaced before.
     pub(super) fn mark_changed(&self, session: &mut Session) {
         let Some(scanner) = self.gateway.scanner() else { return };
-        let (now, every) = (Instant::now(), self.publisher.every);
+        // Hosts of Sparkplug notice themselves what they have missed.
+        let every = if self.is_sparkplug() { Duration::MAX } else { self.publisher.every };
+        let now = Instant::now();
         let count = scanner.with(|scanner| scanner.rows());
         let mut replaced = 0;
         for (nth, mark) in session.marks.iter_mut().enumerate() {

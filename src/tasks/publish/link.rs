@@ -1,8 +1,8 @@
 //! One connection to a broker.
 
-use core::convert::Infallible;
+use core::fmt::{self, Write as _};
 
-use embassy_futures::select::{Either3, select3};
+use embassy_futures::select::{Either4, select4};
 use embassy_time::{Duration, Instant, Timer, with_timeout};
 use embedded_io_async::{Read, Write};
 
@@ -13,7 +13,7 @@ use super::source::Source;
 use crate::gateway::Status;
 use crate::gateway::audit::Topic;
 use crate::hal::{OpenError, OpenErrorKind, TcpConnect};
-use crate::mqtt::{self, Accepted, Connect, Inbox, Malformed, Message, Packet, Received};
+use crate::mqtt::{self, Accepted, Connect, Inbox, Malformed, Message, Packet, Qos, Received, Will};
 use crate::scanner::RowId;
 use crate::settings::Format;
 
@@ -28,7 +28,7 @@ const CHECK_PERIOD: Duration = Duration::from_secs(1);
 /// From here on reasons are refusals (5: 2.4; 3.1.1: 3.9.3).
 const REFUSALS: u8 = 0x80;
 
-const fn failed(hint: &'static str) -> OpenError {
+pub(super) const fn failed(hint: &'static str) -> OpenError {
     OpenError::new(OpenErrorKind::Failed, hint)
 }
 
@@ -60,7 +60,7 @@ fn refusal(code: u8) -> OpenError {
 }
 
 /// Sends a packet.
-async fn send(stream: &mut impl Write, packet: &[u8]) -> Result<(), OpenError> {
+pub(super) async fn send(stream: &mut impl Write, packet: &[u8]) -> Result<(), OpenError> {
     let written = async {
         stream.write_all(packet).await?;
         stream.flush().await
@@ -100,13 +100,24 @@ impl Source<'_, '_> {
             stream.secure(crate::settings::publisher_id(self.nth), Some(&publisher.broker)).await?;
         }
         let (prefix, name) = (&publisher.topic, &publisher.name);
+        let is_sparkplug = self.is_sparkplug();
+        self.bd_seq.set(self.bd_seq.get().wrapping_add(1));
+        let topic = fmt::from_fn(|f| match is_sparkplug {
+            true => write!(f, "{}", self.topic("NDEATH")),
+            false => write!(f, "{prefix}/{name}/status"),
+        });
+        let gone = |out: &mut mqtt::Writer<'_>| match is_sparkplug {
+            true => self.write_death(out),
+            false => out.write_str("offline"),
+        };
         let packet = mqtt::connect(&Connect {
             version: publisher.version,
             client: format_args!("{prefix}-{name}"),
             user: &publisher.user,
             password: &publisher.password,
             keep_alive: KEEP_ALIVE_S,
-            will: (format_args!("{prefix}/{name}/status"), "offline"),
+            is_clean: is_sparkplug,
+            will: Will { topic: format_args!("{topic}"), write: &gone, retained: !is_sparkplug },
         });
         send(&mut stream, &packet.unwrap_or_default()).await?;
         loop {
@@ -124,14 +135,14 @@ impl Source<'_, '_> {
         }
     }
 
-    /// Publishes on an open connection.
+    /// Publishes on an open connection, until the settings change.
     pub(super) async fn serve(
         &self,
         stream: &mut (impl Read + Write),
         inbox: &mut Inbox,
         accepted: &Accepted,
         session: &mut Session,
-    ) -> Result<Infallible, OpenError> {
+    ) -> Result<(), OpenError> {
         if !accepted.takes_qos_1 {
             return Err(NO_QOS);
         }
@@ -141,7 +152,9 @@ impl Source<'_, '_> {
         loop {
             while let Some(received) = inbox.next(self.publisher.version)? {
                 alive.asked = None;
-                self.take(received, session)?;
+                if let Some(id) = self.take(received, session)? {
+                    send(stream, &mqtt::acknowledge(id)).await?;
+                }
             }
             if Instant::now() >= alive.due() {
                 if alive.asked.is_some() {
@@ -158,11 +171,20 @@ impl Source<'_, '_> {
             self.state.report(|report| report.queued = session.queued());
             let next = Instant::now() + CHECK_PERIOD;
             let due = session.due().map_or(next, |due| due.min(next)).min(alive.due());
-            match select3(stream.read(inbox.room()), self.state.values.wait(), Timer::at(due)).await {
-                Either3::First(Ok(0)) => return Err(CLOSED),
-                Either3::First(Ok(count)) => inbox.arrived(count),
-                Either3::First(Err(_)) => return Err(BROKEN),
-                Either3::Second(()) | Either3::Third(()) => {}
+            let (changed, values) = (self.state.changed.wait(), self.state.values.wait());
+            // Other settings come before the values that they bring.
+            match select4(changed, stream.read(inbox.room()), values, Timer::at(due)).await {
+                Either4::First(()) => {
+                    if self.is_sparkplug() {
+                        // The broker tells it as well.
+                        let _ = send(stream, &self.death().unwrap_or_default()).await;
+                    }
+                    return Ok(());
+                }
+                Either4::Second(Ok(0)) => return Err(CLOSED),
+                Either4::Second(Ok(count)) => inbox.arrived(count),
+                Either4::Second(Err(_)) => return Err(BROKEN),
+                Either4::Third(()) | Either4::Fourth(()) => {}
             }
         }
     }
@@ -181,16 +203,21 @@ impl Source<'_, '_> {
         for open in &session.open {
             send(stream, &open.packet).await?;
         }
-        if publisher.commands {
-            let filter = format_args!("{}/points/+/set", publisher.topic);
-            let subscribe = mqtt::subscribe(publisher.version, SUBSCRIPTION, filter);
+        let is_sparkplug = self.is_sparkplug();
+        if publisher.commands || is_sparkplug {
+            let filter = fmt::from_fn(|f| match is_sparkplug {
+                true => write!(f, "{}", self.topic("NCMD")),
+                false => write!(f, "{}/points/+/set", publisher.topic),
+            });
+            let filter = format_args!("{filter}");
+            let subscribe = mqtt::subscribe(publisher.version, SUBSCRIPTION, filter, is_sparkplug);
             send(stream, &subscribe.unwrap_or_default()).await?;
         }
         Ok(())
     }
 
-    /// Handles a packet.
-    fn take(&self, received: Received<'_>, session: &mut Session) -> Result<(), OpenError> {
+    /// Handles a packet. Returns the id of one that is to be acknowledged.
+    fn take(&self, received: Received<'_>, session: &mut Session) -> Result<Option<u16>, OpenError> {
         match received {
             Received::Acknowledged { id, reason } if session.acknowledged(id) => {
                 let is_refused = reason >= REFUSALS;
@@ -202,8 +229,13 @@ impl Source<'_, '_> {
                     report.lost = report.lost.wrapping_add(u32::from(is_refused));
                 });
             }
-            Received::Message { topic, payload, retained, reply } => {
+            Received::Message { id, payload, retained, .. } if self.is_sparkplug() => {
+                self.node_command(session, payload, retained);
+                return Ok(id);
+            }
+            Received::Message { id, topic, payload, retained, reply } => {
                 self.message(session, topic, payload, retained, reply);
+                return Ok(id);
             }
             Received::Subscribed { reason } if reason >= REFUSALS => {
                 log_warn!("publisher {}: the broker passes on no commands: {}", self.publisher.name, reason);
@@ -212,7 +244,7 @@ impl Source<'_, '_> {
             Received::Connected(_) => return Err(NO_MQTT),
             Received::Acknowledged { .. } | Received::Subscribed { .. } | Received::Pong => {}
         }
-        Ok(())
+        Ok(None)
     }
 
     /// Sends the next message, if there is one and the broker may get it.
@@ -222,6 +254,9 @@ impl Source<'_, '_> {
         accepted: &Accepted,
         session: &mut Session,
     ) -> Result<bool, OpenError> {
+        if self.is_sparkplug() {
+            return self.send_metrics(stream, accepted, session).await;
+        }
         let most = usize::from(accepted.receive_max).min(session.open.capacity());
         if session.open.len() >= most {
             return Ok(false);
@@ -254,7 +289,13 @@ struct Make<'m, 's, 'g> {
 impl Make<'_, '_, '_> {
     fn message<'t>(&self, topic: mqtt::Text<'t>, retained: bool, correlation: &'t [u8]) -> Message<'t> {
         let version = self.source.publisher.version;
-        Message { version, id: self.id, retained: retained && self.retains, topic, correlation }
+        Message {
+            version,
+            qos: Qos::Acknowledged(self.id),
+            retained: retained && self.retains,
+            topic,
+            correlation,
+        }
     }
 
     /// The next message; the inner `None`: it is too long.

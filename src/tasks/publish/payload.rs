@@ -1,9 +1,8 @@
-//! What messages carry, as JSON: `{"value":21.5,"quality":"good","time":"2026-11-27T16:22:42.123Z"}`.
+//! What messages carry, as JSON: `{"value":21.5,"quality":"good","time":"2026-11-27T16:22:42.123456Z"}`.
 
 use core::fmt::{self, Write};
 
 use embassy_time::Instant;
-use heapless::String;
 
 use super::mark::Sample;
 use super::source::Source;
@@ -12,18 +11,11 @@ use crate::gateway::audit::{AuditLine, Stamp};
 use crate::language::json::Quoted;
 use crate::settings::PointSettings;
 
-/// Longest date in bytes.
-const DATE_BYTES_MAX: usize = 40;
-
 impl Source<'_, '_> {
     /// The time `at`: a date in quotes, or seconds since the start on boards that do not know it.
     fn write_time(&self, at: Instant, out: &mut dyn Write) -> fmt::Result {
-        if let Some(date) = self.gateway.date(at) {
-            return write!(out, "\"{date:.6}\"");
-        }
-        let mut date = String::<DATE_BYTES_MAX>::new();
-        match (self.write_date)(at, &mut date) {
-            Some(written) => written.and_then(|()| write!(out, "\"{date}\"")),
+        match self.date(at) {
+            Some(date) => write!(out, "\"{date:.6}\""),
             None => write!(out, "{}.{:03}", at.as_secs(), at.as_millis() % 1_000),
         }
     }

@@ -34,6 +34,8 @@ pub(super) struct Session {
     pub(super) is_born: bool,
     /// and which value of which point is announced next.
     pub(super) announced: (usize, u16),
+    /// The number of the next message, for Sparkplug.
+    pub(super) seq: u8,
     pub(super) commands: Vec<Command, COMMANDS_MAX>,
     pub(super) answers: Deque<Answer, COMMANDS_MAX>,
 }
@@ -49,6 +51,7 @@ impl Session {
             alarm,
             is_born: false,
             announced: (0, 0),
+            seq: 0,
             commands: Vec::new(),
             answers: Deque::new(),
         }

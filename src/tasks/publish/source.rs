@@ -1,15 +1,16 @@
 //! What the parts of a publisher share.
 
-use core::fmt;
+use core::cell::Cell;
 
 use embassy_time::Instant;
 
 use crate::gateway::Gateway;
+use crate::gateway::date::Date;
 use crate::gateway::publishers::state::PublisherState;
-use crate::settings::Publisher;
+use crate::settings::{Format, Publisher};
 
-/// Writes a date, as [`System::write_date`](crate::hal::System::write_date) does, with milliseconds.
-pub(super) type WriteDate = fn(Instant, &mut dyn fmt::Write) -> Option<fmt::Result>;
+/// Tells the date of a time, on boards with a calendar.
+pub(super) type Calendar = fn(Instant) -> Option<Date>;
 
 /// What a publisher's parts share.
 pub(super) struct Source<'s, 'g> {
@@ -19,5 +20,18 @@ pub(super) struct Source<'s, 'g> {
     #[cfg_attr(not(feature = "tls"), allow(dead_code))]
     pub(super) nth: usize,
     pub(super) state: &'s PublisherState,
-    pub(super) write_date: WriteDate,
+    pub(super) calendar: Calendar,
+    /// The number of the connection, for Sparkplug (bdSeq).
+    pub(super) bd_seq: &'s Cell<u8>,
+}
+
+impl Source<'_, '_> {
+    pub(super) fn is_sparkplug(&self) -> bool {
+        self.publisher.format == Format::Sparkplug
+    }
+
+    /// The date of `at`, if it is known.
+    pub(super) fn date(&self, at: Instant) -> Option<Date> {
+        self.gateway.date(at).or_else(|| (self.calendar)(at))
+    }
 }

@@ -1,5 +1,5 @@
 //! An MQTT broker as the gateway sees it, 3.1.1 or 5, written from the OASIS standards and not from the gateway's codec. It remembers what
-//! it was sent, acknowledges it or not, and passes commands on.
+//! it was sent, acknowledges it or not, and passes commands on. What begins with `spBv1.0/` it wants as Sparkplug B 3.0 says.
 
 use std::cell::RefCell;
 use std::rc::Rc;
@@ -20,14 +20,30 @@ pub struct Published {
     pub at: Instant,
     /// Its topic.
     pub topic: String,
-    /// What it carries.
+    /// What it carries,
+    pub payload: Vec<u8>,
+    /// and as text.
     pub text: String,
     /// Whether it is to be retained,
     pub retained: bool,
     /// or was sent before.
     pub again: bool,
-    /// Its id.
+    /// Its id; 0 if it is not to be acknowledged.
     pub id: u16,
+}
+
+/// What it publishes when a connection breaks.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Will {
+    /// Its topic.
+    pub topic: String,
+    /// What it carries.
+    pub payload: Vec<u8>,
+}
+
+/// Topics of Sparkplug.
+fn is_sparkplug(topic: &str) -> bool {
+    topic.starts_with("spBv1.0/")
 }
 
 #[derive(Default)]
@@ -35,9 +51,11 @@ struct State {
     published: Vec<Published>,
     /// Levels of the protocol, of each connection.
     connections: Vec<u8>,
+    /// Of each connection.
+    wills: Vec<Will>,
     filters: Vec<String>,
     pings: usize,
-    commands: Vec<(String, String)>,
+    commands: Vec<(String, Vec<u8>)>,
     is_mute: bool,
     keeps_sessions: bool,
     /// The connection is to end.
@@ -65,6 +83,11 @@ impl Broker {
         self.0.borrow().connections.clone()
     }
 
+    /// The wills of the connections so far.
+    pub fn wills(&self) -> Vec<Will> {
+        self.0.borrow().wills.clone()
+    }
+
     /// What was subscribed to.
     pub fn filters(&self) -> Vec<String> {
         self.0.borrow().filters.clone()
@@ -76,8 +99,8 @@ impl Broker {
     }
 
     /// Passes a message on.
-    pub fn command(&self, topic: &str, text: &str) {
-        self.0.borrow_mut().commands.push((topic.to_owned(), text.to_owned()));
+    pub fn command(&self, topic: &str, payload: impl AsRef<[u8]>) {
+        self.0.borrow_mut().commands.push((topic.to_owned(), payload.as_ref().to_owned()));
     }
 
     /// Says nothing any more, or speaks again.
@@ -121,9 +144,9 @@ impl Broker {
                 return stream.reset();
             }
             let commands = std::mem::take(&mut self.0.borrow_mut().commands);
-            for (topic, text) in commands {
+            for (topic, payload) in commands {
                 let none = if level == 5 { &[0][..] } else { &[] };
-                let body = [&text_of(&topic)[..], none, text.as_bytes()].concat();
+                let body = [&text_of(&topic)[..], none, &payload].concat();
                 out.extend([0x30, body.len() as u8]);
                 out.extend(body);
             }
@@ -141,33 +164,47 @@ impl Broker {
         match first >> 4 {
             1 => {
                 assert_eq!(&body[..6], b"\0\x04MQTT");
-                assert_eq!(body[7] & 0x02, 0, "the session is to stay");
                 *level = body[6];
-                let has_session = state.keeps_sessions && !state.connections.is_empty();
+                let will = will(body);
+                let is_clean = body[7] & 0x02 != 0;
+                // Sparkplug: 2.5 and 5.4.
+                assert_eq!(is_clean, is_sparkplug(&will.topic), "who wants to be forgotten");
+                assert_eq!(body[7] & 0x3c, if is_clean { 0x0c } else { 0x2c }, "a will, at least once");
+                if is_clean && *level == 5 {
+                    assert_eq!(body[11..16], [0x11, 0, 0, 0, 0], "the session ends with the connection");
+                }
+                state.wills.push(will);
+                let has_session = state.keeps_sessions && !is_clean && !state.connections.is_empty();
                 state.connections.push(*level);
                 respond(0x20, [vec![u8::from(has_session), 0], none(*level)].concat())
             }
             3 => {
-                assert_eq!(first & 0x06, 0x02, "QoS 1");
                 let end = 2 + usize::from(u16::from_be_bytes([body[0], body[1]]));
-                let id = [body[end], body[end + 1]];
-                let properties = if *level == 5 { 1 + usize::from(body[end + 2]) } else { 0 };
-                let text = |bytes: &[u8]| String::from_utf8(bytes.to_vec()).unwrap();
+                let topic = String::from_utf8(body[2..end].to_vec()).unwrap();
+                // Sparkplug: 6.4.19 and 6.4.21.
+                let is_once = is_sparkplug(&topic);
+                assert_eq!(first & 0x06, if is_once { 0 } else { 0x02 }, "the QoS");
+                let (id, end) = if is_once { ([0; 2], end) } else { ([body[end], body[end + 1]], end + 2) };
+                let properties = if *level == 5 { 1 + usize::from(body[end]) } else { 0 };
+                let payload = body[end + properties..].to_vec();
                 state.published.push(Published {
                     at: Instant::now(),
-                    topic: text(&body[2..end]),
-                    text: text(&body[end + 2 + properties..]),
+                    topic,
+                    text: String::from_utf8_lossy(&payload).into_owned(),
+                    payload,
                     retained: first & 1 == 1,
                     again: first & 8 == 8,
                     id: u16::from_be_bytes(id),
                 });
-                if state.is_mute { Vec::new() } else { respond(0x40, id.to_vec()) }
+                if state.is_mute || is_once { Vec::new() } else { respond(0x40, id.to_vec()) }
             }
             8 => {
                 let at = if *level == 5 { 3 } else { 2 };
                 let end = body.len() - 1;
-                assert_eq!(body[end] & 3, 0, "at most once: nothing waits for a client that is gone");
-                state.filters.push(String::from_utf8(body[at + 2..end].to_vec()).unwrap());
+                let filter = String::from_utf8(body[at + 2..end].to_vec()).unwrap();
+                // Nothing waits for a client that is gone; Sparkplug (5.4) wants QoS 1 in a session that ends.
+                assert_eq!(body[end] & 3, u8::from(is_sparkplug(&filter)), "the QoS");
+                state.filters.push(filter);
                 respond(0x90, [body[..2].to_vec(), none(*level), vec![0]].concat())
             }
             12 => {
@@ -177,6 +214,19 @@ impl Broker {
             other => panic!("a client does not send packets of type {other}"),
         }
     }
+}
+
+/// The will in a CONNECT, behind the client's name.
+fn will(body: &[u8]) -> Will {
+    let is_five = body[6] == 5;
+    let skip_properties = |at: usize| if is_five { at + 1 + usize::from(body[at]) } else { at };
+    let next = |at: usize| {
+        let end = at + 2 + usize::from(u16::from_be_bytes([body[at], body[at + 1]]));
+        (body[at + 2..end].to_vec(), end)
+    };
+    let (_, end) = next(skip_properties(10));
+    let (topic, end) = next(skip_properties(end));
+    Will { topic: String::from_utf8(topic).unwrap(), payload: next(end).0 }
 }
 
 /// A text with its length.

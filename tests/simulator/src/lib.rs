@@ -27,6 +27,7 @@ pub mod rig;
 pub mod serial;
 pub mod share;
 pub mod shared_bus;
+pub mod sparkplug;
 pub mod timing;
 pub mod waiting;
 pub mod wire;

@@ -39,13 +39,13 @@ struct Registers {
 
 /// A device behind Modbus TCP with registers.
 #[derive(Clone)]
-struct Device {
+pub(crate) struct Device {
     registers: Arc<Mutex<Registers>>,
     port: u16,
 }
 
 impl Device {
-    fn start() -> Self {
+    pub(crate) fn start() -> Self {
         let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
         let device = Self { registers: Arc::default(), port: listener.local_addr().unwrap().port() };
         let own = device.clone();
@@ -102,25 +102,30 @@ impl Device {
         }
     }
 
-    fn set(&self, register: u16, value: u16) {
+    pub(crate) fn set(&self, register: u16, value: u16) {
         self.registers.lock().unwrap().values.insert(register, value);
     }
 
-    fn get(&self, register: u16) -> u16 {
+    /// It does not respond any more.
+    pub(crate) fn fall_silent(&self) {
+        self.registers.lock().unwrap().is_silent = true;
+    }
+
+    pub(crate) fn get(&self, register: u16) -> u16 {
         self.registers.lock().unwrap().values.get(&register).copied().unwrap_or(0)
     }
 }
 
 /// The broker, in a folder of its own.
-struct Broker {
+pub(crate) struct Broker {
     folder: tempfile::TempDir,
-    port: u16,
+    pub(crate) port: u16,
     running: Option<Running>,
 }
 
 impl Broker {
     /// Starts with these lines in its configuration, besides those of the listener.
-    fn start(lines: &str) -> Self {
+    pub(crate) fn start(lines: &str) -> Self {
         let (folder, port) = (tempfile::tempdir().unwrap(), free_port());
         let path = folder.path().display();
         let text = format!(
@@ -228,7 +233,7 @@ fn say(port: u16, more: &[&str]) {
 }
 
 /// A gateway with points of `device`, and `line`.
-fn gateway(device: &Device, line: &str) -> Program {
+pub(crate) fn gateway(device: &Device, line: &str) -> Program {
     with_console(&format!(
         "mdns off
 port plant tcp client 127.0.0.1:{} timeout 300ms down-after 2
@@ -326,7 +331,7 @@ fn commands(device: &Device, listener: &Listener, port: u16, who: &[&str]) {
 
 /// A device that does not respond makes its values stale, with the time at which they were read.
 fn silence(device: &Device, listener: &Listener) {
-    device.registers.lock().unwrap().is_silent = true;
+    device.fall_silent();
     let stale = listener.wait("site/a/points/level", |text| text.contains("stale"));
     let good = listener.all("site/a/points/level");
     let good = good.iter().rfind(|heard| heard.text.contains("good")).unwrap();

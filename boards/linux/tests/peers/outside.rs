@@ -42,10 +42,10 @@ impl Tool {
             install: "cargo xtask install peers".into(),
         };
         let (good, said) = python
-            .run(&["-c", "import jsonschema_rs, prometheus_client, pymodbus.simulator, serial, sunspec2"]);
+            .run(&["-c", "import jsonschema_rs, google.protobuf, paho.mqtt.client, prometheus_client, pymodbus.simulator, serial, sunspec2"]);
         assert!(
             good,
-            "jsonschema-rs, prometheus-client, pymodbus, pyserial or pysunspec2 is missing: {}\n{said}",
+            "jsonschema-rs, paho-mqtt, prometheus-client, protobuf, pymodbus, pyserial or pysunspec2 is missing: {}\n{said}",
             python.install
         );
         python
@@ -75,6 +75,13 @@ impl Tool {
     /// Starts it, with its standard output to be read.
     pub(crate) fn start(&self, arguments: impl IntoIterator<Item = OsString>) -> Running {
         let started = self.command().args(arguments).stdin(Stdio::null()).stdout(Stdio::piped()).spawn();
+        Running(started.unwrap_or_else(|error| self.missing(&error)))
+    }
+
+    /// Starts it, with its standard input to be written as well.
+    pub(crate) fn start_with_input(&self, arguments: impl IntoIterator<Item = OsString>) -> Running {
+        let mut command = self.command();
+        let started = command.args(arguments).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn();
         Running(started.unwrap_or_else(|error| self.missing(&error)))
     }
 

@@ -198,13 +198,18 @@ fn any_publishers() -> impl Strategy<Value = Vec<Publisher>> {
         });
     let user = prop::option::of(("[!$-~][!-~]{0,62}", prop::option::of("[ !#-~é]{1,60}")));
     let version = prop_oneof![Just(crate::mqtt::Version::V3), Just(crate::mqtt::Version::V5)];
-    let format = prop_oneof![Just(Format::Json), Just(Format::HomeAssistant)];
+    let format = prop_oneof![Just(Format::Json), Just(Format::HomeAssistant), Just(Format::Sparkplug)];
     let topic = "[a-zA-Z0-9._-]{1,15}(/[a-zA-Z0-9._-]{1,15})?";
     let publisher = (any_address(), version, tls, user, topic, 1..=86_400_u64, format, any::<bool>());
     prop::collection::vec(publisher, 0..=PUBLISHERS_MAX).prop_map(|publishers| {
         let made = publishers.into_iter().enumerate();
         made.map(|(nth, (broker, version, tls, user, topic, every, format, commands))| {
             let (user, password) = user.unwrap_or_default();
+            // A group is one level, and an edge node sends what changes.
+            let (topic, every) = match format {
+                Format::Sparkplug => (topic.replace('/', "-"), 60),
+                Format::Json | Format::HomeAssistant => (topic, every),
+            };
             Publisher {
                 name: any_name(nth),
                 broker,

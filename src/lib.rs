@@ -102,6 +102,9 @@ pub mod scanner;
 pub mod settings;
 pub mod stats;
 mod tasks;
+// As the feature.
+#[cfg(feature = "mqtt")]
+mod telemetry;
 // Most images have none.
 #[cfg(feature = "web")]
 pub mod web;

@@ -15,7 +15,7 @@ pub(crate) const FLOORS: &[&[&str]] = &[
     // One role each.
     &["port"],
     // People, and systems that look at the gateway and change it.
-    &["console", "web"],
+    &["console", "web", "telemetry"],
     // The futures that a board runs.
     &["tasks"],
 ];

@@ -1,4 +1,4 @@
-//! Publishes data points to MQTT brokers, and writes them by messages.
+//! Publishes data points to MQTT brokers, and writes them by messages: a future that a board runs.
 //!
 //! A value is sent when it changes, at least once (QoS 1), and stays until the broker has acknowledged it: over a reconnect too, when it
 //! is sent again as it was. What waits to be sent is no list but a mark at each point: the newest value goes, with the time at which it

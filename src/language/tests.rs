@@ -363,7 +363,7 @@ fn a_web_interface_that_nobody_can_log_in_to_draws_a_warning() {
     let hash =
         "$argon2id$v=19$m=8,t=1,p=1$MDEyMzQ1Njc4OWFiY2RlZg$MbnuQj2xrGASZb+GaVRPOkBaCDUjNErQQKePN3mCUfA";
     warning(&format!("user anna role engineer password \"{hash}\""));
-    assert_eq!(warning("edit port web 8080"), None);
+    assert_eq!(warning("edit port web cleartext"), None);
 }
 
 /// Other images have no web interface.

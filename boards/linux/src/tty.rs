@@ -79,6 +79,8 @@ impl SerialHost for TtyHost {
         };
         let io = Descriptor::new(File::from(OwnedFd::from(port)))
             .map_err(|_| OpenError::new(OpenErrorKind::Unsupported, "not a serial device"))?;
+        // Only now: an opening that was given up would leave a PTY in this mode.
+        ioctl_tiocexcl(&io).map_err(|error| failed(error.into()))?;
         Ok(Tty { receiver: Receiver::new(&io), io, rts })
     }
 
@@ -120,13 +122,11 @@ fn open_once_free(device: &Path, line: &LineSettings) -> Result<SerialPort, Open
 fn open(device: &Path, line: &LineSettings) -> Result<SerialPort, OpenError> {
     let mut port = SerialPort::open(device, |settings: serial2::Settings| Ok(settings))
         .map_err(|error| refusal(&error, device))?;
-    claim(&port).map_err(|error| refusal(&error.into(), device))?;
-    let configured = configure(&mut port, line)
-        .map_err(|_| OpenError::new(OpenErrorKind::Unsupported, "speed or character format"));
-    if let Err(error) = configured.and_then(|()| prepare_driver(&mut port, line)) {
-        release(&port);
-        return Err(error);
-    }
+    // The lock stops programs that use locks, even root's, to whom TIOCEXCL does not apply.
+    flock(&port, FlockOperation::NonBlockingLockExclusive).map_err(|error| refusal(&error.into(), device))?;
+    configure(&mut port, line)
+        .map_err(|_| OpenError::new(OpenErrorKind::Unsupported, "speed or character format"))?;
+    prepare_driver(&mut port, line)?;
     low_latency::request(&port, device);
     // Characters received before belong to no request.
     let _ = tcflush(&port, QueueSelector::IFlush);
@@ -149,18 +149,6 @@ fn prepare_driver(port: &mut SerialPort, line: &LineSettings) -> Result<(), Open
         }
         Driver::Rts => port.set_rts(false).map_err(|_| refused("the line has no RTS; remove the word rts")),
     }
-}
-
-/// Keeps other programs off the line: TIOCEXCL makes later opens fail, and the lock stops programs that use locks, even root's, to
-/// whom TIOCEXCL does not apply.
-fn claim(port: &SerialPort) -> Result<(), Errno> {
-    flock(port, FlockOperation::NonBlockingLockExclusive)?;
-    ioctl_tiocexcl(port)
-}
-
-/// Allows other programs to open the line again: the exclusive mode of a PTY outlives this descriptor while its other side is open.
-fn release(port: &impl AsFd) {
-    let _ = ioctl_tiocnxcl(port);
 }
 
 fn configure(port: &mut SerialPort, line: &LineSettings) -> io::Result<()> {
@@ -249,6 +237,7 @@ impl Drop for Tty {
     fn drop(&mut self) {
         // Closing a tty waits for its output, up to 30 s if a device holds it back.
         let _ = tcflush(&self.io, QueueSelector::IOFlush);
-        release(&self.io);
+        // The exclusive mode of a PTY outlives this descriptor while its other side is open.
+        let _ = ioctl_tiocnxcl(&self.io);
     }
 }

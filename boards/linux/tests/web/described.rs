@@ -234,7 +234,7 @@ fn read_until(stream: &mut TcpStream, part: &[u8], mut before: impl FnMut()) -> 
         before();
         let mut piece = [0; 4_096];
         let count = stream.read(&mut piece).unwrap();
-        assert!(count > 0, "it ended");
+        assert!(count > 0, "it ended: {}", String::from_utf8_lossy(&received));
         received.extend_from_slice(&piece[..count]);
     }
     received

@@ -74,12 +74,12 @@ async fn publish_to(
 }
 
 impl Source<'_, '_> {
-    /// Connects again and again.
-    async fn run(&self, connector: &impl TcpConnect, session: &mut Session) -> Infallible {
+    /// Connects again and again, until the settings change while there is a connection.
+    async fn run(&self, connector: &impl TcpConnect, session: &mut Session) {
         let mut pause = PAUSE_FIRST;
         loop {
             let before = self.state.report(|_| {}).sent;
-            let Err(error) = self.with_broker(connector, session).await;
+            let Err(error) = self.with_broker(connector, session).await else { return };
             let failed = Status::Failed(error);
             let report = self.state.report(|_| {});
             if report.status != failed {
@@ -91,12 +91,8 @@ impl Source<'_, '_> {
         }
     }
 
-    /// Connects, and publishes until the connection ends.
-    async fn with_broker(
-        &self,
-        connector: &impl TcpConnect,
-        session: &mut Session,
-    ) -> Result<Infallible, OpenError> {
+    /// Connects, and publishes until the settings change or the connection ends.
+    async fn with_broker(&self, connector: &impl TcpConnect, session: &mut Session) -> Result<(), OpenError> {
         if self.is_sparkplug() {
             self.fits()?;
         }
@@ -110,9 +106,7 @@ impl Source<'_, '_> {
         };
         self.serve(&mut stream, &mut inbox, &accepted, session).await?;
         stream.close().await;
-        // The task ends this session, and begins another.
-        self.state.changed.signal(());
-        pending().await
+        Ok(())
     }
 
     /// Notes changes while there is no connection, so that what is lost is counted.

@@ -52,7 +52,7 @@ pub(crate) const ENVIRONMENT: &[(&str, &str)] = &[
     ("RUST_BACKTRACE", "0"),
 ];
 
-/// Features of the mutated build that its files name: those that are on by default. Code for others is no candidate.
+/// Features of the mutated build: those that are on by default. Code for others is no candidate.
 pub(crate) const FEATURES: &[&str] = &[
     "audit",
     "candidate",
@@ -60,11 +60,48 @@ pub(crate) const FEATURES: &[&str] = &[
     "files",
     "ipv6",
     "long-images",
+    "long-requests",
     "long-values",
+    "mqtt",
+    "page",
     "paths",
     "points",
     "servers",
+    "ssh",
     "tls",
     "users",
     "versions",
+    "web",
 ];
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+    use std::path::Path;
+
+    use super::{FEATURES, PACKAGES};
+
+    /// Adds what `feature` brings along to `on`.
+    fn follow(features: &toml::Table, feature: &str, on: &mut BTreeSet<String>) {
+        for brought in features.get(feature).and_then(|list| list.as_array()).into_iter().flatten() {
+            // Others are dependencies, and features of those.
+            let name = brought.as_str().filter(|name| !name.contains([':', '/']));
+            if let Some(name) = name.filter(|name| on.insert((*name).to_owned())) {
+                follow(features, name, on);
+            }
+        }
+    }
+
+    #[test]
+    fn the_features_are_those_that_the_packages_have_by_default() {
+        let mut on = BTreeSet::new();
+        for (package, folder) in PACKAGES {
+            let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").join(folder).join("Cargo.toml");
+            let manifest: toml::Table = std::fs::read_to_string(path).unwrap().parse().expect(package);
+            if let Some(features) = manifest.get("features").and_then(|features| features.as_table()) {
+                follow(features, "default", &mut on);
+            }
+        }
+        assert_eq!(FEATURES.iter().map(|feature| (*feature).to_owned()).collect::<BTreeSet<_>>(), on);
+    }
+}

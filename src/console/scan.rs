@@ -91,7 +91,7 @@ impl Session<'_, '_> {
         }
         let about = About(plan.time_from(0));
         self.out.line(format_args!(
-            "about {about}; a key stops it. Others who ask by this port get 0A meanwhile."
+            "about {about}; a key stops it. Requests through this port get 0A meanwhile."
         ));
         let scan = Scan {
             line: plan.own,

@@ -159,10 +159,12 @@ pub(super) const HELP_OPTIONS: &str = joined!(&[
     "  ethercat:   interface NAME (on Linux: where a MainDevice is),
               line PORT, on-loss hold|clear|stop, id N|alias,
               modules|no-modules, emergencies|no-emergencies,
-              prove-outputs|no-prove-outputs
 ",
     #[cfg(feature = "files")]
-    "              files off|read|write (settings, log, capture by FoE)
+    "              files off|read|write (settings, log, capture by FoE),
+",
+    #[cfg(feature = "points")]
+    "              prove-outputs|no-prove-outputs
 ",
 ]);
 

@@ -52,7 +52,7 @@ export const T = {
     state: "State", requests: "Requests", perSecond: "per s", median: "Median", most: "99 of 100", last: "Last", failed: "Failed", none: "No device was asked yet.",
     about: (unit, port) => `Unit ${unit} at ${port}`, times: "Response times", hour: "Errors in the last hour", quietHour: "None in the last hour.", hourAgo: "an hour ago", now: "now", errors: "Errors by kind since the counters were cleared",
     histogram: (from, to) => `How long responses took: most ${from} to ${to}`, hourOf: (kind, count, minutes) => `${kind}: ${count} in the last hour, the last one ${minutes} to ${minutes + 5} minutes ago`, noErrors: "None.",
-    scanTitle: "Find devices", scanIntro: "Asks every unit at each speed with something that changes nothing. Others who ask by this port get exception 0A meanwhile.",
+    scanTitle: "Find devices", scanIntro: "Asks every unit at each speed with something that changes nothing. Requests through this port get exception 0A meanwhile.",
     noLine: "There is no serial line to scan.", speeds: "Speeds, each as 8E1, 8N1, 8O1 and 8N2", units: "Units", unitsHint: "1-247 are all", scan: "Scan",
     found: "Found devices", speed: "Speed", took: "Took", response: "Response", notYet: "None found yet.", nothing: "No device responded.", take: "Take over",
     tuneTitle: "Measure response times", tuneIntro: "Asks each unit that has responded many times, and proposes a timeout and a gap. Other traffic goes on.", count: "Requests for each unit", tune: "Measure",

@@ -180,13 +180,13 @@ fn carry_out(task: Task) -> Outcome {
         }
         Task::Counts(Words { words }) => {
             install::check(&[Group::Counts])?;
-            // Without epoll_pwait2, which many versions of valgrind do not know.
-            let program = "--quiet --package mobgate-linux --no-default-features --features demo --bench pty";
-            let mut cargo = test::bench(&program.split(' ').collect::<Vec<_>>());
-            if words != ["--no-run"] {
-                cargo.args(["--", "counts", "refusals"]);
+            let mut harness = test::tests(&["--bench", "pty"]);
+            if words == ["--no-run"] {
+                return run(harness.arg("--no-run"));
             }
-            run(cargo.args(words))
+            // The program as it is packaged; who measures it is built as for the tests.
+            harness.env("MOBGATE_PROGRAM", test::packaged()?).args(["--", "counts", "refusals"]);
+            run(harness.args(words))
         }
         Task::Peers(choice) => peers::measure(&choice),
         Task::Schemathesis(choice) => schemathesis::ask(&choice),

@@ -212,6 +212,13 @@ fn short_paths(cargo: &mut Command) -> &mut Command {
     cargo.env("CARGO_ENCODED_RUSTFLAGS", flags.collect::<Vec<_>>().join("\x1f"))
 }
 
+/// Builds the program as the Debian package has it, by the same compilation.
+pub(crate) fn packaged() -> Outcome<PathBuf> {
+    let words = ["--quiet", "--release", "--package", "mobgate-linux", "--no-default-features"];
+    run(short_paths(&mut cargo("build", &words)).envs(release::date()))?;
+    Ok(root().join("target/release/mobgate"))
+}
+
 /// Builds the Debian package, the same wherever it is built.
 pub(crate) fn deb() -> Outcome<PathBuf> {
     install::check(&[Group::Package])?;

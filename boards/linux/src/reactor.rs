@@ -15,8 +15,10 @@ use std::sync::atomic::{AtomicBool, Ordering::SeqCst};
 use std::task::{Context, Poll, Wake, Waker};
 
 use embassy_time::Instant;
+use nix::sys::epoll::{Epoll, EpollEvent, EpollTimeout};
 use rustix::event::epoll::{self, CreateFlags, EventData, EventFlags};
 use rustix::event::{EventfdFlags, Timespec, eventfd};
+use rustix::io::Errno;
 use slab::Slab;
 
 /// Most events taken from the kernel at once.
@@ -32,10 +34,14 @@ thread_local! {
 }
 
 struct Reactor {
-    epoll: OwnedFd,
+    epoll: Epoll,
+    /// `epoll_pwait2` is unknown here: to Linux before 5.11, to valgrind, or to a sandbox.
+    by_milliseconds: Cell<bool>,
     sources: RefCell<Slab<Rc<Source>>>,
     /// Buffer for the kernel's events.
     events: RefCell<Vec<epoll::Event>>,
+    /// The same as `epoll_wait` fills it.
+    found: RefCell<[EpollEvent; EVENTS_MAX]>,
     alert: Arc<Alert>,
 }
 
@@ -89,23 +95,25 @@ impl Reactor {
         epoll::add(&epoll, &bell, EventData::new_u64(WOKEN), EventFlags::IN | EventFlags::ET)?;
         let alert = Alert { awake: AtomicBool::new(false), asleep: AtomicBool::new(false), bell };
         let events = RefCell::new(Vec::with_capacity(EVENTS_MAX));
-        Ok(Self { epoll, sources: RefCell::default(), events, alert: Arc::new(alert) })
+        let found = RefCell::new([EpollEvent::empty(); EVENTS_MAX]);
+        let (epoll, by_milliseconds) = (Epoll(epoll), Cell::new(false));
+        Ok(Self {
+            epoll,
+            by_milliseconds,
+            sources: RefCell::default(),
+            events,
+            found,
+            alert: Arc::new(alert),
+        })
     }
 
     /// Sleeps until an event; only polls for events if more work is pending.
     fn sleep(&self) {
         self.alert.asleep.store(true, SeqCst);
         let patience = if self.alert.awake.load(SeqCst) { Some(0) } else { until_next_alarm() };
-        let timeout = patience.map(|micros| Timespec {
-            tv_sec: (micros / 1_000_000).try_into().unwrap_or(i64::MAX),
-            tv_nsec: (micros % 1_000_000 * 1_000) as i64,
-        });
         let mut events = self.events.borrow_mut();
-        let waited = epoll::wait(&self.epoll, rustix::buffer::spare_capacity(&mut events), timeout.as_ref());
+        self.wait(&mut events, patience);
         self.alert.asleep.store(false, SeqCst);
-        if waited.is_err() {
-            return; // interrupted by a signal; epoll reports the events again
-        }
         for event in events.drain(..) {
             let (number, flags) = (event.data.u64(), event.flags);
             let source = usize::try_from(number).ok().and_then(|key| self.sources.borrow().get(key).cloned());
@@ -114,6 +122,36 @@ impl Reactor {
                 source.notice(flags);
             }
         }
+    }
+
+    /// Waits for events, for so many microseconds at most. A signal ends it without events; epoll reports them again.
+    fn wait(&self, events: &mut Vec<epoll::Event>, micros: Option<u64>) {
+        if !self.by_milliseconds.get() {
+            let timeout = micros.map(|micros| Timespec {
+                tv_sec: (micros / 1_000_000).try_into().unwrap_or(i64::MAX),
+                tv_nsec: (micros % 1_000_000 * 1_000) as i64,
+            });
+            let waited = epoll::wait(&self.epoll.0, rustix::buffer::spare_capacity(events), timeout.as_ref());
+            // Some sandboxes refuse what they do not know.
+            let is_unknown = matches!(waited, Err(Errno::NOSYS | Errno::PERM));
+            self.by_milliseconds.set(is_unknown);
+            if !is_unknown {
+                return;
+            }
+        }
+        let timeout = micros.map_or(EpollTimeout::NONE, |micros| {
+            // Rounded up: no alarm is early.
+            i32::try_from(micros.div_ceil(1_000))
+                .ok()
+                .and_then(|ms| ms.try_into().ok())
+                .unwrap_or(EpollTimeout::MAX)
+        });
+        let mut found = self.found.borrow_mut();
+        let count = self.epoll.wait(&mut *found, timeout).unwrap_or(0);
+        events.extend(found.iter().take(count).map(|event| epoll::Event {
+            flags: EventFlags::from_bits_retain(event.events().bits().cast_unsigned()),
+            data: EventData::new_u64(event.data()),
+        }));
     }
 }
 
@@ -198,7 +236,7 @@ impl Registration {
         REACTOR.with(|reactor| {
             let source = Rc::new(Source::default());
             let key = reactor.sources.borrow_mut().insert(source.clone());
-            let added = epoll::add(&reactor.epoll, descriptor, EventData::new_u64(key as u64), READING);
+            let added = epoll::add(&reactor.epoll.0, descriptor, EventData::new_u64(key as u64), READING);
             // Dropped on an error, which frees the key.
             let registration = Self { key, source };
             added.map(|()| registration).map_err(io::Error::from)
@@ -227,13 +265,13 @@ impl Registration {
 
     fn report(&self, descriptor: impl AsFd, flags: EventFlags) -> io::Result<()> {
         let data = EventData::new_u64(self.key as u64);
-        REACTOR.with(|reactor| Ok(epoll::modify(&reactor.epoll, descriptor, data, flags)?))
+        REACTOR.with(|reactor| Ok(epoll::modify(&reactor.epoll.0, descriptor, data, flags)?))
     }
 
     /// Unregisters `descriptor`.
     pub(crate) fn remove(&self, descriptor: impl AsFd) {
         // It is registered, so this cannot fail.
-        let _ = REACTOR.try_with(|reactor| epoll::delete(&reactor.epoll, descriptor));
+        let _ = REACTOR.try_with(|reactor| epoll::delete(&reactor.epoll.0, descriptor));
     }
 
     pub(crate) fn reading(&self) -> &Direction {
@@ -249,5 +287,33 @@ impl Drop for Registration {
     fn drop(&mut self) {
         // At thread exit the reactor may already be gone.
         let _ = REACTOR.try_with(|reactor| reactor.sources.borrow_mut().try_remove(self.key));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::os::unix::net::UnixStream;
+    use std::time::{Duration, Instant};
+
+    use embassy_time::Timer;
+
+    use super::{REACTOR, Registration, block_on};
+
+    #[test]
+    fn a_system_without_epoll_pwait2_wakes_for_bytes_and_no_alarm_early() {
+        REACTOR.with(|reactor| reactor.by_milliseconds.set(true));
+        let start = Instant::now();
+        block_on(Timer::after_micros(1_750));
+        assert!(start.elapsed() >= Duration::from_micros(1_750));
+
+        let (ours, theirs) = UnixStream::pair().unwrap();
+        let registration = Registration::new(&ours).unwrap();
+        registration.reading().blocked.set(true);
+        rustix::io::write(&theirs, b"x").unwrap();
+        block_on(async {
+            while registration.reading().blocked.get() {
+                Timer::after_micros(100).await;
+            }
+        });
     }
 }

@@ -18,9 +18,10 @@ use rustix::process::{Pid, Signal, kill_process};
 
 pub(crate) mod terminal;
 
-/// The program, not yet started.
+/// The program, not yet started: that of this build, or the one that `MOBGATE_PROGRAM` names.
 pub(crate) fn mobgate() -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_mobgate"));
+    let program = std::env::var_os("MOBGATE_PROGRAM");
+    let mut command = Command::new(program.unwrap_or_else(|| env!("CARGO_BIN_EXE_mobgate").into()));
     command.env_remove("RUST_LOG").env_remove("JOURNAL_STREAM").stdin(Stdio::null());
     command
 }

@@ -77,6 +77,9 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
+#[cfg(test)] // For unit tests with frames of any length.
+extern crate std;
+
 pub mod al_state;
 pub mod application;
 pub mod assignment;
@@ -87,6 +90,7 @@ pub mod communication;
 pub mod device;
 pub mod diagnosis;
 pub mod dictionary;
+pub mod eoe;
 pub mod esc;
 pub mod foe;
 pub mod indicators;

@@ -123,6 +123,12 @@ impl<L: Link> Eoe<L> {
     }
 }
 
+impl<L: Link + Default> Default for Eoe<L> {
+    fn default() -> Self {
+        Self::new(L::default())
+    }
+}
+
 impl<L: Link> Ethernet for Eoe<L> {
     fn request(
         &mut self,

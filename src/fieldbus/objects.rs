@@ -52,6 +52,7 @@ pub const DEVICE: Device = Device {
     // Some MainDevices (ethercrab 0.7) fail at the first one: 10F3h:05 and the port's settings enable them.
     emergencies: false,
     files: FileAccess::None,
+    ethernet: false,
     texts: TEXTS,
     objects: OBJECTS,
 };

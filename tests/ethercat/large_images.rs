@@ -72,6 +72,7 @@ const fn device(memory: MemoryPlan, objects: &'static [Object]) -> Device {
         controller: [0x80, 0, 0, 0, 0, 0, 0, 0],
         emergencies: false,
         files: FileAccess::None,
+        ethernet: false,
         texts: &[],
         objects,
     }

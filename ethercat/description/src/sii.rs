@@ -33,8 +33,10 @@ const CRC_8: Algorithm<u8> = Algorithm {
 /// The mailbox protocols of word 1Ch.
 const COE: u16 = 0x0004;
 const FOE: u16 = 0x0008;
-/// FoE, in the category General.
+const EOE: u16 = 0x0002;
+/// FoE and EoE, in the category General.
 const FOE_ENABLED: u8 = 0x01;
+const EOE_ENABLED: u8 = 0x01;
 const COE_SDO: u8 = 0x01;
 /// The other CoE services: the ESI file's attribute, the bit here, and whether it is supported.
 pub(crate) fn coe_details(device: &Device) -> [(&'static str, u8, bool); 5] {
@@ -126,7 +128,9 @@ fn head_of(device: &Device) -> [u8; CATEGORIES_START] {
         put(0x14, &mailboxes);
     }
     put(0x18, &mailboxes);
-    let protocols = if device.files == FileAccess::None { COE } else { COE | FOE };
+    let files = if device.files == FileAccess::None { 0 } else { FOE };
+    let ethernet = if device.ethernet { EOE } else { 0 };
+    let protocols = COE | files | ethernet;
     put(0x1c, &protocols.to_le_bytes());
     // The size in KBit minus 1, and the version of this format.
     put(0x3e, &[(SII_BYTES * 8 / 1024 - 1) as u8, 0, 1, 0]);
@@ -152,6 +156,7 @@ fn general(device: &Device, strings: &Strings) -> [u8; 32] {
         (0x03, strings.index(device.name)),
         (0x05, details),
         (0x06, if device.files == FileAccess::None { 0 } else { FOE_ENABLED }),
+        (0x07, if device.ethernet { EOE_ENABLED } else { 0 }),
         (0x0b, GENERAL_FLAGS),
         // For readers of an older format version.
         (0x0e, strings.index(device.group)),

@@ -7,6 +7,7 @@
 mod application;
 mod controllers;
 mod devices;
+mod ethernet;
 mod files;
 
 use std::cell::RefMut;
@@ -28,8 +29,10 @@ use controllers::{PAUSE, POWER_ON, SPI_PAUSE};
 pub use application::{Bench, Shared};
 pub use controllers::{CHOICE, CONTROLLERS, Controller, lan9252_with};
 pub use devices::{
-    CLOCKED, CLOCKED_16, FILES_34, FILES_128, LARGE_BYTES, MAILBOX_34, MAILBOX_64, MAILBOX_128,
+    CLOCKED, CLOCKED_16, ETHERNET_64, ETHERNET_128, FILES_34, FILES_128, LARGE_BYTES, MAILBOX_34, MAILBOX_64,
+    MAILBOX_128,
 };
+pub use ethernet::BenchLink;
 pub use files::{BenchFiles, FILE_BYTES_MAX, FIRMWARE, PASSWORD};
 
 /// Init, as coded in AL control and AL status.

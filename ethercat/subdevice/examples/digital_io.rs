@@ -14,6 +14,7 @@ static DEVICE: Device = Device {
     controller: [0x80, 0, 0, 0, 0, 0, 0, 0],
     emergencies: false,
     files: FileAccess::None,
+    ethernet: false,
     texts: &[],
     objects: &[
         standard::device_type(401),

@@ -4,6 +4,7 @@ use crate::al_state::{AlState, AlStatusCode};
 use crate::assignment::Assignment;
 use crate::coe::abort::Abort;
 use crate::coe::emergency::Emergency;
+use crate::eoe::{Ethernet, NoEthernet};
 use crate::esc::EscError;
 use crate::foe::{Files, NoFiles};
 use crate::indicators::Indicators;
@@ -76,6 +77,12 @@ pub trait Application {
     /// The application's files, where the device's table has [file access](crate::device::Device::files).
     fn files(&mut self) -> Option<&mut impl Files> {
         None::<&mut NoFiles>
+    }
+
+    /// The application's Ethernet, where the device's table [offers](crate::device::Device::ethernet) it: an
+    /// [`Eoe`](crate::eoe::Eoe).
+    fn ethernet(&mut self) -> Option<&mut impl Ethernet> {
+        None::<&mut NoEthernet>
     }
 
     /// Distinguishes the device from others of its kind when a MainDevice asks (ETG.1020, explicit device identification): the

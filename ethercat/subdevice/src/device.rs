@@ -27,6 +27,8 @@ pub struct Device {
     pub emergencies: bool,
     /// Whether MainDevices read and write files, and in which states.
     pub files: FileAccess,
+    /// Whether Ethernet frames pass the mailboxes, which have [42](crate::eoe::MAILBOX_BYTES_MIN) bytes or more.
+    pub ethernet: bool,
     /// The texts of messages in the diagnosis history.
     pub texts: &'static [Text],
     /// The objects, sorted by index.

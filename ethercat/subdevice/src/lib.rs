@@ -6,7 +6,7 @@
 //!
 //! * a state request passes the state machine ([`al_state`]) and the checks of the SyncManagers ([`sync_manager`]);
 //! * a message passes the mailbox ([`mailbox`]), which dispatches by protocol: CoE ([`coe`]) serves the object dictionary
-//!   ([`dictionary`]), FoE ([`foe`]) the application's files;
+//!   ([`dictionary`]), FoE ([`foe`]) the application's files, EoE ([`eoe`]) its Ethernet frames;
 //! * process data ([`process`]) are exchanged with the application ([`application`]), PDO by PDO as assigned
 //!   ([`assignment`], [`communication`]): in free run, with the frames, or by distributed clocks ([`clocks`]).
 //!
@@ -27,6 +27,7 @@
 //!     controller: [0x80, 0, 0, 0, 0, 0, 0, 0],
 //!     emergencies: false,
 //!     files: FileAccess::None,
+//!     ethernet: false,
 //!     texts: &[],
 //!     objects: &[
 //!         standard::device_type(0),
@@ -77,6 +78,9 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
+#[cfg(test)] // For unit tests with frames of any length.
+extern crate std;
+
 pub mod al_state;
 pub mod application;
 pub mod assignment;
@@ -87,6 +91,7 @@ pub mod communication;
 pub mod device;
 pub mod diagnosis;
 pub mod dictionary;
+pub mod eoe;
 pub mod esc;
 pub mod foe;
 pub mod indicators;

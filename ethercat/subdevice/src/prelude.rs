@@ -4,6 +4,7 @@ pub use crate::al_state::{AlState, AlStatusCode};
 pub use crate::application::{Address, Application};
 pub use crate::coe::abort::Abort;
 pub use crate::device::{Device, Identity};
+pub use crate::eoe::{Eoe, Ethernet, EthernetError, FRAME_BYTES_MAX, IpSettings, Link};
 pub use crate::esc::{Esc, EscError};
 pub use crate::foe::{FileAccess, FileError, FileErrorCode, Files, Opening, Transfer};
 pub use crate::object::{Access, DataType, Entry, Mapped, Object};

@@ -30,7 +30,7 @@ use crate::sync_manager::Channel;
 pub const OUTPUTS_WAIT: Duration = Duration::from_millis(1_000);
 /// Update period of inputs in free run.
 pub const FREE_RUN_CYCLE: Duration = Duration::from_millis(1);
-/// Interval at which the application is polled for the end of a write, or of its part in a file transfer.
+/// Interval at which the application is polled for the end of a write, or of its part in a file transfer, or for an Ethernet frame.
 const WRITING_PAUSE: Duration = Duration::from_millis(1);
 /// Interval at which the application is polled for emergencies, while they are enabled.
 const EMERGENCY_PAUSE: Duration = Duration::from_millis(20);
@@ -248,10 +248,12 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
     }
 
     /// Next deadline without an event, besides the check after [`LOOK_INTERVAL`].
-    pub fn due(&self) -> Option<Instant> {
+    pub fn due(&mut self) -> Option<Instant> {
         let inputs = self.runs_free().then_some(self.images.inputs_due);
         let writes = self.al.state().has_objects() && self.coe.is_writing() || self.foe.is_working();
-        let written = writes.then(|| Instant::now() + WRITING_PAUSE);
+        // Frames come without a word, unless `attention` ends with one.
+        let polls = writes || self.ethernet().is_some();
+        let written = polls.then(|| Instant::now() + WRITING_PAUSE);
         let emergencies = self.al.state().has_objects() && self.application.sends_emergencies();
         let emergency = emergencies.then(|| Instant::now() + EMERGENCY_PAUSE);
         let sync = self.clocks.lost_at().filter(|_| self.al.state() == AlState::Op);
@@ -302,7 +304,7 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
     }
 
     /// The events that can be served now.
-    fn wanted(&self) -> Events {
+    fn wanted(&mut self) -> Events {
         let data = self.al.state().has_process_data();
         // In Op, inputs follow the outputs if so configured.
         let follow =

@@ -4,17 +4,21 @@ use std::cell::RefCell;
 use std::collections::HashMap;
 use std::rc::Rc;
 
+use embassy_time::Instant;
 use ethercat_subdevice::al_state::{AlState, AlStatusCode};
 use ethercat_subdevice::application::{Address, Application};
 use ethercat_subdevice::assignment::Assignment;
 use ethercat_subdevice::coe::abort::Abort;
 use ethercat_subdevice::coe::emergency::Emergency;
+use ethercat_subdevice::eoe::{Eoe, Ethernet};
 use ethercat_subdevice::esc::EscError;
 use ethercat_subdevice::foe::{FileError, Files, Opening};
 use ethercat_subdevice::indicators::Indicators;
+use ethercat_subdevice::mailbox::{MailboxError, Payload};
 use ethercat_subdevice::object::Object;
 use ethercat_subdevice::sync_manager::Channel;
 
+use super::ethernet::BenchLink;
 use super::files::BenchFiles;
 
 /// Methods that only call the shared application's.
@@ -52,6 +56,11 @@ impl<A: Application> Application for Shared<A> {
     fn files(&mut self) -> Option<&mut impl Files> {
         let has_files = self.0.borrow_mut().files().is_some();
         has_files.then_some(self)
+    }
+
+    fn ethernet(&mut self) -> Option<&mut impl Ethernet> {
+        let has_ethernet = self.0.borrow_mut().ethernet().is_some();
+        has_ethernet.then_some(self)
     }
 
     pass_on! {
@@ -117,6 +126,33 @@ impl<A: Application> Files for Shared<A> {
     }
 }
 
+impl<A: Application> Ethernet for Shared<A> {
+    fn request(
+        &mut self,
+        payload: &[u8],
+        room: usize,
+        now: Instant,
+    ) -> Result<Option<Payload>, MailboxError> {
+        let mut application = self.0.borrow_mut();
+        let ethernet = application.ethernet().ok_or(MailboxError::UnsupportedProtocol)?;
+        ethernet.request(payload, room, now)
+    }
+
+    fn next(&mut self, room: usize) -> Option<Payload> {
+        self.0.borrow_mut().ethernet()?.next(room)
+    }
+
+    fn is_sending(&mut self) -> bool {
+        self.0.borrow_mut().ethernet().is_some_and(Ethernet::is_sending)
+    }
+
+    fn start(&mut self) {
+        if let Some(ethernet) = self.0.borrow_mut().ethernet() {
+            ethernet.start();
+        }
+    }
+}
+
 /// The application of the bench's devices.
 #[derive(Default)]
 pub struct Bench {
@@ -140,6 +176,8 @@ pub struct Bench {
     pub write_error: Option<Abort>,
     /// Files, for the devices that have any.
     pub files: BenchFiles,
+    /// Ethernet, for the devices that have it.
+    pub ethernet: Eoe<BenchLink>,
     /// A state that the application refuses, with the code.
     pub refuses: Option<(AlState, AlStatusCode)>,
 }
@@ -171,6 +209,10 @@ impl Application for Bench {
 
     fn files(&mut self) -> Option<&mut impl Files> {
         Some(&mut self.files)
+    }
+
+    fn ethernet(&mut self) -> Option<&mut impl Ethernet> {
+        Some(&mut self.ethernet)
     }
 
     fn outputs(&mut self, _pdo: u16, bytes: &[u8]) {

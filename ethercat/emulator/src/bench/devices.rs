@@ -15,6 +15,10 @@ pub static MAILBOX_34: Device = device(34);
 pub static MAILBOX_64: Device = device(64);
 /// With mailboxes of 128 bytes.
 pub static MAILBOX_128: Device = device(128);
+/// With Ethernet, files and mailboxes of 64 bytes.
+pub static ETHERNET_64: Device = Device { ethernet: true, files: FileAccess::WithBoot, ..device(64) };
+/// The same with mailboxes of 128 bytes.
+pub static ETHERNET_128: Device = Device { ethernet: true, files: FileAccess::WithBoot, ..device(128) };
 /// With the shortest mailboxes, files and the Boot state.
 pub static FILES_34: Device = Device { files: FileAccess::WithBoot, ..device(34) };
 /// The same with mailboxes of 128 bytes.
@@ -109,6 +113,7 @@ const fn device(mailbox_bytes: u16) -> Device {
         controller: [0x80, 0, 0, 0, 0, 0, 0, 0],
         emergencies: false,
         files: FileAccess::None,
+        ethernet: false,
         texts: &[],
         objects: OBJECTS,
     }

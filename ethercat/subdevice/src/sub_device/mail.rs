@@ -7,6 +7,7 @@ use crate::application::Application;
 use crate::catalogue::Catalogue;
 use crate::coe::emergency::Emergency;
 use crate::dictionary::Dictionary;
+use crate::eoe::Ethernet;
 use crate::esc::{Esc, EscError};
 use crate::foe::FileAccess;
 use crate::mailbox::{MAILBOX_BYTES_MAX, MailboxError, Payload, Protocol};
@@ -49,9 +50,18 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
     }
 
     /// Whether something waits for SM1 to be read.
-    pub(super) fn waits_for_mailbox(&self) -> bool {
+    pub(super) fn waits_for_mailbox(&mut self) -> bool {
         self.mailbox.is_occupied()
-            && (!self.mailbox.is_idle() || self.coe.has_more() || self.foe.is_working())
+            && (!self.mailbox.is_idle()
+                || self.coe.has_more()
+                || self.foe.is_working()
+                || self.ethernet().is_some_and(Ethernet::is_sending))
+    }
+
+    /// The application's Ethernet, where it is offered now.
+    pub(super) fn ethernet(&mut self) -> Option<&mut impl Ethernet> {
+        let offered = self.device.ethernet && self.al.state().has_objects();
+        offered.then(|| self.application.ethernet()).flatten()
     }
 
     async fn take_request(&mut self) -> Result<(), EscError> {
@@ -67,7 +77,9 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
             protocol if protocol == Protocol::File as u8 => {
                 (Protocol::File, self.file_request(request.payload))
             }
-            // EoE would be dispatched here too.
+            protocol if protocol == Protocol::Ethernet as u8 => {
+                (Protocol::Ethernet, self.ethernet_request(request.payload))
+            }
             _ => (Protocol::Error, Err(MailboxError::UnsupportedProtocol)),
         };
         match answered {
@@ -97,7 +109,14 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
         self.foe.request(payload, files, self.al.state(), self.mailbox.payload_bytes(), Instant::now())
     }
 
-    /// The next message without a new request: of a file, the rest of a response, or an emergency.
+    fn ethernet_request(&mut self, payload: &[u8]) -> Result<Option<Payload>, MailboxError> {
+        let room = self.mailbox.payload_bytes();
+        let ethernet = self.ethernet().ok_or(MailboxError::UnsupportedProtocol)?;
+        ethernet.request(payload, room, Instant::now())
+    }
+
+    /// The next message without a new request: of a file, the rest of a response, or an emergency; and behind all of these, which
+    /// are few, a fragment of Ethernet.
     fn next_message(&mut self) -> Option<(Protocol, Payload)> {
         let room = self.mailbox.payload_bytes();
         if let Some(files) = self.application.files()
@@ -116,7 +135,10 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
             }
             next => next,
         };
-        next.map(|message| (Protocol::CanOpen, message))
+        match next {
+            Some(message) => Some((Protocol::CanOpen, message)),
+            None => self.ethernet()?.next(room).map(|message| (Protocol::Ethernet, message)),
+        }
     }
 
     async fn give_message(&mut self) -> Result<bool, EscError> {

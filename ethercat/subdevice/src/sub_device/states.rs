@@ -8,6 +8,7 @@ use crate::application::Application;
 use crate::clocks::SyncUnit;
 use crate::coe::Coe;
 use crate::coe::emergency::Cause;
+use crate::eoe::Ethernet;
 use crate::esc::{Esc, EscError};
 use crate::foe::FileAccess;
 use crate::registers::{AL_CONTROL, AL_STATUS, AL_STATUS_CODE, STATION_ALIAS, SYNC_MANAGERS_PRESENT};
@@ -127,6 +128,9 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
         let repeat = found[Channel::MailboxIn as usize].repeat();
         self.mailbox.start(self.device.memory.mailbox_bytes, repeat);
         self.coe = Coe::default();
+        if let Some(ethernet) = self.application.ethernet() {
+            ethernet.start();
+        }
         self.switch(Channel::MailboxOut, true).await?;
         // The present repeat bit is no request, and is acknowledged at once.
         self.switch(Channel::MailboxIn, true).await?;

@@ -180,13 +180,15 @@ fn carry_out(task: Task) -> Outcome {
         }
         Task::Counts(Words { words }) => {
             install::check(&[Group::Counts])?;
+            // The program as it is packaged; who measures it is built as for the tests.
+            let program = test::packaged()?;
             let mut harness = test::tests(&["--bench", "pty"]);
             if words == ["--no-run"] {
-                return run(harness.arg("--no-run"));
+                harness.arg("--no-run");
+            } else {
+                harness.env("MOBGATE_PROGRAM", program).args(["--", "counts", "refusals"]).args(words);
             }
-            // The program as it is packaged; who measures it is built as for the tests.
-            harness.env("MOBGATE_PROGRAM", test::packaged()?).args(["--", "counts", "refusals"]);
-            run(harness.args(words))
+            run(&mut harness)
         }
         Task::Peers(choice) => peers::measure(&choice),
         Task::Schemathesis(choice) => schemathesis::ask(&choice),

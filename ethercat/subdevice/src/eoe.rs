@@ -6,8 +6,10 @@
 //!
 //! The buffers of both directions are in [`Eoe`], a value of the application, so that a device without Ethernet has none.
 
+mod error;
 mod fragments;
 mod header;
+mod link;
 mod reassembly;
 mod settings;
 
@@ -18,13 +20,11 @@ use fragments::Outgoing;
 use header::Header;
 use reassembly::Reassembly;
 
+pub use error::EthernetError;
+pub use link::{FRAME_BYTES_MAX, FRAME_BYTES_MIN, Link};
 pub use reassembly::REASSEMBLY_WAIT;
 pub use settings::{IpSettings, NAME_BYTES_MAX};
 
-/// Most bytes of a frame: an Ethernet header and 1500 bytes, without FCS.
-pub const FRAME_BYTES_MAX: usize = 1514;
-/// Bytes of an Ethernet header. A shorter frame is none.
-pub const FRAME_BYTES_MIN: usize = 14;
 /// Shortest mailbox that carries frames: both headers, and the smallest fragment.
 pub const MAILBOX_BYTES_MIN: u16 = 42;
 
@@ -34,41 +34,6 @@ const SET_IP: u8 = 2;
 const SET_FILTER: u8 = 4;
 const GET_IP: u8 = 6;
 const GET_FILTER: u8 = 8;
-
-/// Why a request is refused: the response's result.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[repr(u16)]
-pub enum EthernetError {
-    /// No more specific code applies.
-    Unspecified = 0x0001,
-    /// The kind of request.
-    UnsupportedFrameType = 0x0002,
-    /// The device has no IP settings, or not for a MainDevice.
-    NoIpSupport = 0x0201,
-    /// The device has no DHCP.
-    NoDhcpSupport = 0x0202,
-    /// The device has no filter for MAC addresses.
-    NoFilterSupport = 0x0401,
-}
-
-/// The network of an application. The SubDevice's task makes the calls; none of them blocks.
-pub trait Link {
-    /// Takes a frame of the MainDevice, or drops it where there is no room.
-    fn receive(&mut self, frame: &[u8]);
-
-    /// Writes the next frame for the MainDevice into `into`, and returns its length. `None` if there is none.
-    fn transmit(&mut self, into: &mut [u8; FRAME_BYTES_MAX]) -> Option<usize>;
-
-    /// Applies the settings that are there, or none of them.
-    fn configure(&mut self, _settings: &IpSettings) -> Result<(), EthernetError> {
-        Err(EthernetError::NoIpSupport)
-    }
-
-    /// The settings in force.
-    fn settings(&mut self) -> Result<IpSettings, EthernetError> {
-        Err(EthernetError::NoIpSupport)
-    }
-}
 
 /// What serves messages of Ethernet: [`Eoe`], or whatever passes the calls on to one.
 pub trait Ethernet {

@@ -1,7 +1,7 @@
 //! Cuts a frame of the application into fragments.
 
 use super::header::{HEADER_BYTES, Header, UNIT_BYTES};
-use super::{FRAME_BYTES_MAX, Link};
+use super::link::{FRAME_BYTES_MAX, Link};
 use crate::mailbox::Payload;
 
 /// A frame that is sent.

@@ -3,7 +3,7 @@
 use embassy_time::{Duration, Instant};
 
 use super::header::{Header, UNIT_BYTES};
-use super::{FRAME_BYTES_MAX, FRAME_BYTES_MIN};
+use super::link::{FRAME_BYTES_MAX, FRAME_BYTES_MIN};
 
 /// How long the MainDevice may take for a frame's next fragment: frame numbers repeat after 16.
 pub const REASSEMBLY_WAIT: Duration = Duration::from_secs(1);

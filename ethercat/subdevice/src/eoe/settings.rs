@@ -4,7 +4,7 @@ use core::net::Ipv4Addr;
 
 use heapless::{String, Vec};
 
-use super::EthernetError;
+use super::error::EthernetError;
 use crate::mailbox::{MailboxError, PAYLOAD_BYTES_MAX};
 
 /// Most bytes of a name.

@@ -23,8 +23,8 @@ const COUNTED_RUN: Duration = Duration::from_secs(10);
 const SELDOM: Duration = Duration::from_millis(600);
 /// Tells this program, when it runs under callgrind, how many pages to open, and how many milliseconds clients pause.
 const COUNTED: &str = "MOBGATE_COUNTED_PAGES_PAUSE";
-/// Percent that pages may add to the core's instructions of a transaction.
-const MORE_MAX: f64 = 1.0;
+/// A hundredth of the 9 200 instructions that a transaction takes the program.
+const MORE_MAX: f64 = 92.0;
 const SETTINGS: &str = "port web http server 80 cleartext
 user anna role viewer password \"$argon2id$v=19$m=8,t=1,p=1$MDEyMzQ1Njc4OWFiY2RlZg$MbnuQj2xrGASZb+GaVRPOkBaCDUjNErQQKePN3mCUfA\"
 ";
@@ -135,8 +135,7 @@ pub(crate) fn instructions() {
     };
     let (alone, beside) = (each(0), each(PAGES));
     figure("page_transaction_instructions", alone, "instructions", Target::None);
-    let more = 100.0 * (beside - alone) / alone;
-    figure("two_pages_transaction", more, "%", Target::AtMost(MORE_MAX));
+    figure("two_pages_transaction", beside - alone, "instructions", Target::AtMost(MORE_MAX));
 }
 
 /// The core's instructions, transactions and events of a run in which clients pause so long.

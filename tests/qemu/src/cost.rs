@@ -88,12 +88,9 @@ pub fn roles(folder: &Path) {
         let bus = Bus::new([1, 2]);
         machine.wire(1, &bus);
         let (mut figures, mut client) = (machine.figures(), machine.client());
-        let mut busy = |act: &mut dyn FnMut()| {
-            let trials = trials(&mut figures, ROLE_TRIALS, act);
-            trials.first().map_or(f64::NAN, |(all, _)| f64::from(*all))
-        };
-        let idle = busy(&mut || {});
-        (busy(&mut || drop(client.read(1, 0, 10))) - idle) * INSTRUCTIONS_PER_TICK
+        let mut least = |act: &mut dyn FnMut()| f64::from(trials(&mut figures, ROLE_TRIALS, act)[0].0);
+        let idle = least(&mut || {});
+        (least(&mut || drop(client.read(1, 0, 10))) - idle) * INSTRUCTIONS_PER_TICK
     });
     figure("role_path_transaction_instructions", with, "instructions", Target::None);
     figure("role_path_instructions", with - without, "instructions", Target::AtMost(ROLE_PATH_MAX));

@@ -1,4 +1,7 @@
 //! A non-blocking descriptor for one reading and writing task.
+//!
+//! Bytes are read and written by system calls of rustix: those of libc are cancellation points, which takes some 50 instructions of
+//! each call in a program that has threads.
 
 use std::future::poll_fn;
 use std::io;
@@ -47,13 +50,10 @@ impl<T: AsFd> Descriptor<T> {
 
     /// Reads from a stream socket or a tty into `buffer`. A short read means that the input is drained (epoll(7)), so the next read
     /// waits for an event and saves the EAGAIN.
-    pub(crate) fn read_stream(
-        &mut self,
-        buffer: &mut [u8],
-        mut read: impl FnMut(&T, &mut [u8]) -> io::Result<usize>,
-    ) -> impl Future<Output = io::Result<usize>> {
+    pub(crate) fn read_stream(&mut self, buffer: &mut [u8]) -> impl Future<Output = io::Result<usize>> {
         poll_fn(move |context| {
-            let count = ready!(self.poll_read(context, &mut |io: &T| read(io, buffer)))?;
+            let count =
+                ready!(self.poll_read(context, &mut |io: &T| Ok(rustix::io::read(io, &mut *buffer)?)))?;
             if count < buffer.len() {
                 self.registration.reading().block_unless_over();
                 self.registration.unmute(&self.io)?;
@@ -69,6 +69,11 @@ impl<T: AsFd> Descriptor<T> {
             Timer::at(until).await;
         }
         sleeps
+    }
+
+    /// Writes to a stream socket or a tty.
+    pub(crate) fn write_stream(&mut self, from: &[u8]) -> impl Future<Output = io::Result<usize>> {
+        self.write_with(|io| Ok(rustix::io::write(io, from)?))
     }
 
     /// Calls `write` until it does not block. A dropped future has written nothing.

@@ -4,7 +4,7 @@
 //! open, the shell included. At a terminal the console edits and echoes by itself, so the terminal is in raw mode until [`RawMode`]
 //! is dropped.
 
-use std::io::{self, Read as _, stdin};
+use std::io::{self, stdin};
 use std::os::unix::net::UnixStream;
 use std::thread;
 
@@ -52,7 +52,7 @@ impl ErrorType for Stdio {
 
 impl Read for Stdio {
     async fn read(&mut self, into: &mut [u8]) -> io::Result<usize> {
-        let read = self.input.read_stream(into, |mut input, into| input.read(into)).await;
+        let read = self.input.read_stream(into).await;
         self.ended = !matches!(read, Ok(1..));
         read
     }

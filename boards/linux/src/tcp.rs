@@ -4,7 +4,7 @@
 //! task waits on it and none of its connections is left.
 
 use std::cell::RefCell;
-use std::io::{self, Read as _, Write as _};
+use std::io;
 use std::net::{IpAddr, Shutdown, SocketAddr};
 use std::os::fd::{AsFd, BorrowedFd};
 use std::rc::{Rc, Weak};
@@ -142,7 +142,7 @@ impl ErrorType for TcpStream {
 impl Read for TcpStream {
     async fn read(&mut self, into: &mut [u8]) -> io::Result<usize> {
         match &mut self.session {
-            None => self.io.read_stream(into, |mut stream, into| stream.read(into)).await,
+            None => self.io.read_stream(into).await,
             Some(session) => session.read(&mut self.io, into).await,
         }
     }
@@ -151,7 +151,7 @@ impl Read for TcpStream {
 impl Write for TcpStream {
     async fn write(&mut self, from: &[u8]) -> io::Result<usize> {
         match &mut self.session {
-            None => self.io.write_with(|mut stream| stream.write(from)).await,
+            None => self.io.write_stream(from).await,
             Some(session) => session.write(&mut self.io, from).await,
         }
     }

@@ -4,7 +4,7 @@
 //! never block: the port's task sleeps in the executor until the descriptor is ready.
 
 use std::fs::File;
-use std::io::{self, Read as _, Write as _};
+use std::io;
 use std::os::fd::{AsFd, OwnedFd};
 use std::os::unix::fs::{FileTypeExt, MetadataExt};
 use std::path::{Path, PathBuf};
@@ -218,13 +218,13 @@ impl ErrorType for Tty {
 
 impl Read for Tty {
     fn read(&mut self, into: &mut [u8]) -> impl Future<Output = io::Result<usize>> {
-        self.io.read_stream(into, |mut file, into| file.read(into))
+        self.io.read_stream(into)
     }
 }
 
 impl Write for Tty {
     fn write(&mut self, from: &[u8]) -> impl Future<Output = io::Result<usize>> {
-        self.io.write_with(|mut file| file.write(from))
+        self.io.write_stream(from)
     }
 
     /// Nothing is buffered here. Waiting until the characters have left (tcdrain) would block all other tasks.

@@ -1,6 +1,6 @@
 //! A connection to the console: a Unix socket, TCP or SSH.
 
-use std::io::{self, Read as _, Write as _};
+use std::io;
 use std::net::{IpAddr, Shutdown, SocketAddr};
 use std::os::unix::net::UnixStream;
 
@@ -90,7 +90,7 @@ impl Read for Guest {
     async fn read(&mut self, into: &mut [u8]) -> io::Result<usize> {
         match &mut self.stream {
             Stream::Tcp(stream, _) => stream.read(into).await,
-            Stream::Local(stream) => stream.read_stream(into, |mut stream, into| stream.read(into)).await,
+            Stream::Local(stream) => stream.read_stream(into).await,
         }
     }
 }
@@ -99,7 +99,7 @@ impl Write for Guest {
     async fn write(&mut self, from: &[u8]) -> io::Result<usize> {
         match &mut self.stream {
             Stream::Tcp(stream, _) => stream.write(from).await,
-            Stream::Local(stream) => stream.write_with(|mut stream| stream.write(from)).await,
+            Stream::Local(stream) => stream.write_stream(from).await,
         }
     }
 

@@ -67,7 +67,7 @@ impl Session {
     /// Reads from the socket once; 0 at its end.
     async fn receive(&mut self, io: &mut Socket) -> io::Result<usize> {
         let received = self.received.as_mut_slice();
-        let count = io.read_stream(received, |mut stream, into| stream.read(into)).await?;
+        let count = io.read_stream(received).await?;
         let mut rest = self.received.get(..count).unwrap_or_default();
         loop {
             // Nothing at all tells of the end.

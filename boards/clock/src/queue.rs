@@ -38,7 +38,9 @@ pub(crate) fn insert(at: u64, waker: &Waker) {
             Some(index) => {
                 set[index].at = set[index].at.min(at);
                 // Frequently used wakers move to the front, one step per call.
-                set.swap(index.saturating_sub(1), index);
+                if index > 0 {
+                    set.swap(index - 1, index);
+                }
             }
             None => set.push(Alarm { at, waker: waker.clone() }),
         }

@@ -8,7 +8,6 @@
 //! returns).
 
 use core::convert::Infallible;
-use core::future::pending;
 use core::net::SocketAddr;
 use core::pin::pin;
 
@@ -214,22 +213,19 @@ impl Server<'_, '_> {
                             Waits::ForTurn(turn) => turn,
                             _ => Instant::MAX,
                         };
-                        let space = input.space();
-                        let deaf = matches!(waits, Waits::ForFrame) || space.is_empty();
-                        let read = async { if deaf { pending().await } else { stream.read(space).await } };
+                        let is_deaf = matches!(waits, Waits::ForFrame);
                         let responses = self.connection.responses.receive(self.gateway.pool());
                         // A client that is delayed is not idle.
                         let kept = matches!(waits, Waits::ForTurn(_));
                         let idle_until = if kept { Instant::MAX } else { self.idle_until() };
                         let wake = until(idle_until.min(pause_end));
                         // Responses first: a read that finds nothing takes its time, and wakes a board's network stack.
+                        // It is pinned where it is made, as it is too large to be moved where there is TLS.
+                        let read = pin!(input.read(stream, is_deaf));
                         match select4(responses, read, self.connection.leave.wait(), wake).await {
                             Either4::First(frame) => Response::Response(frame),
                             Either4::Second(Ok(0) | Err(_)) => return Err(End::Left),
-                            Either4::Second(Ok(count)) => {
-                                input.grew(count);
-                                continue;
-                            }
+                            Either4::Second(Ok(_)) => continue,
                             Either4::Third(()) => return Err(End::Crowded),
                             Either4::Fourth(()) if idle_until <= Instant::now() => return Err(End::Stalled),
                             Either4::Fourth(()) => continue,

@@ -66,17 +66,17 @@ impl<'p> FramePool<'p> {
         if pdu.len() > PDU_BYTES_MAX {
             return None;
         }
-        self.claim(owner, Some((pdu, envelope)))
+        self.claim(owner, Some((pdu, &envelope)))
     }
 
     /// A frame for `owner`, empty or with this content.
-    fn claim(&'p self, owner: usize, content: Option<(&[u8], Envelope)>) -> Option<Frame<'p>> {
+    fn claim(&'p self, owner: usize, content: Option<(&[u8], &Envelope)>) -> Option<Frame<'p>> {
         let own = owner < self.reserved && self.with(owner, |slot| slot.handles) == Some(0);
         let index = if own { owner } else { self.take_shared()? };
         self.with(index, |slot| {
             slot.handles = 1;
             slot.restart();
-            slot.envelope = content.map(|(_, envelope)| envelope);
+            slot.envelope = content.map(|(_, envelope)| *envelope);
             if let Some((pdu, _)) = content {
                 slot.put(pdu);
             }

@@ -219,8 +219,10 @@ impl Units<'_> {
 
     /// Whether every unit may be asked at `now`, and none is down.
     pub fn all_healthy(&mut self, now: Instant) -> bool {
-        let needs_check =
-            self.needs_check() && self.iter().any(|unit| unit.held_until > now || unit.is_down());
+        if !self.needs_check() {
+            return true;
+        }
+        let needs_check = self.iter().any(|unit| unit.held_until > now || unit.is_down());
         self.set_needs_check(needs_check);
         !needs_check
     }
@@ -246,12 +248,9 @@ impl Units<'_> {
         }
     }
 
-    /// Records that a request is sent to `id`.
+    /// Records that a request is sent to `id`, whose responses carry transaction ids: see [`sent`](Self::sent) for others.
     pub fn asked(&mut self, id: u8) {
-        if let Some(unit) = self.entry(id) {
-            unit.requests = unit.requests.wrapping_add(1);
-            unit.disturbed = false;
-        }
+        self.entry(id).into_iter().for_each(Unit::asked);
     }
 
     /// Records that `id` responded `took` after the end of the request.

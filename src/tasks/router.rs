@@ -181,27 +181,26 @@ impl Gateway<'_> {
             [function, ..] => (function, None),
             [] => (0, None),
         });
-        let (stage, origin) = frame.read(|envelope| (envelope.stage, envelope.origin));
-        let outcome = match (exception, stage) {
-            _ if self.is_gone(origin) => Outcome::RequesterGone,
-            (_, Stage::Silence) => Outcome::Silence,
-            // The response broke off while it was being forwarded.
-            _ if frame.filled().1 != Fill::Complete => Outcome::Silence,
-            (Some(exception), _) => Outcome::Exception(exception),
-            _ => Outcome::Response,
-        };
-        let now = Instant::now();
+        let (is_complete, now) = (frame.filled().1 == Fill::Complete, Instant::now());
         let entry = frame.read(|envelope| LogEntry {
             at: now,
-            source: origin.port,
+            source: envelope.origin.port,
             destination: envelope.destination,
             unit: envelope.unit,
             target: envelope.target,
             function: function & !EXCEPTION_BIT,
-            outcome,
+            outcome: match (exception, envelope.stage) {
+                _ if self.is_gone(envelope.origin) => Outcome::RequesterGone,
+                (_, Stage::Silence) => Outcome::Silence,
+                // The response broke off while it was being forwarded.
+                _ if !is_complete => Outcome::Silence,
+                (Some(exception), _) => Outcome::Exception(exception),
+                _ => Outcome::Response,
+            },
             took_us: u32::try_from(now.saturating_duration_since(envelope.received).as_micros())
                 .unwrap_or(u32::MAX),
         });
+        let outcome = entry.outcome;
         self.log().push(entry);
         outcome
     }

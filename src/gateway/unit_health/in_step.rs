@@ -116,6 +116,9 @@ impl Units<'_> {
         let port = self.port as u8;
         self.all.outstanding.sent(port, id, Shape::of_request(request), purpose);
         if let Some(unit) = self.entry(id) {
+            if purpose == Purpose::Request {
+                unit.asked();
+            }
             (unit.open, unit.responded, unit.waited) = (true, false, false);
         }
     }

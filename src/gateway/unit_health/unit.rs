@@ -192,6 +192,12 @@ impl Unit {
         self.held_until = now + pause.min(PROBE_LONGEST);
     }
 
+    /// A request is sent to it.
+    pub(super) fn asked(&mut self) {
+        self.requests = self.requests.wrapping_add(1);
+        self.disturbed = false;
+    }
+
     pub(super) fn alive(&mut self) {
         self.silent = 0;
         self.tried = 0;

@@ -232,25 +232,19 @@ impl<'g> Dispatcher<'g> {
 
     /// Calls `read` with the PDU to send for `request`, without copying it.
     pub(crate) fn with_request<R: Default>(&self, request: &Frame<'g>, read: impl FnOnce(&[u8]) -> R) -> R {
-        match self.proof(request) {
-            Some(proof) => read(&proof.request),
-            None => request.pdu(read),
-        }
+        read_request(request, self.proof(request), read)
     }
 
     /// Records that the PDU for `request` is being sent to `unit`.
     pub(crate) fn sent(&self, request: &Frame<'g>, unit: u8) {
-        let purpose = self.proof(request).map_or(Purpose::Request, |proof| proof.purpose);
+        let proof = self.proof(request);
+        let purpose = proof.map_or(Purpose::Request, |proof| proof.purpose);
         let event = if purpose == Purpose::Request { Event::Request } else { Event::Proof };
         self.port_state.stats.count(event);
         if unit != BROADCAST {
-            self.port_state.units(|units| {
-                if purpose == Purpose::Request {
-                    units.asked(unit);
-                }
-                if !self.transaction_ids {
-                    self.with_request(request, |request| units.sent(unit, request, purpose));
-                }
+            self.port_state.units(|units| match self.transaction_ids {
+                true => units.asked(unit),
+                false => read_request(request, proof, |request| units.sent(unit, request, purpose)),
             });
         }
     }
@@ -373,6 +367,14 @@ impl<'g> Dispatcher<'g> {
         log_debug!("port {}: {} for unit {}", self.id.0, event.name(), frame.target());
         frame.blame(Cause::Unsent);
         self.gateway.refuse(frame, exception);
+    }
+}
+
+/// Calls `read` with the PDU of the `proof` that goes ahead of `request`, or with its own.
+fn read_request<R: Default>(request: &Frame<'_>, proof: Option<Proving>, read: impl FnOnce(&[u8]) -> R) -> R {
+    match proof {
+        Some(proof) => read(&proof.request),
+        None => request.pdu(read),
     }
 }
 

@@ -141,8 +141,8 @@ struct Turn {
     index: usize,
 }
 
-/// Last turns of the address and of the requester: the lowest goes first.
-type Rank = (u32, u32);
+/// Last turns of the address (upper half) and of the requester: the lowest goes first.
+type Rank = u64;
 
 /// The queue of one port.
 pub struct PortQueue<T> {
@@ -213,7 +213,7 @@ impl<T> PortQueue<T> {
     /// The request to serve; otherwise the earliest time there may be one, if any.
     fn turn(&self, now: Instant, ready: impl Fn(u8) -> Ready) -> Result<Turn, Option<Instant>> {
         // Per class.
-        let mut first: [Option<(Option<Rank>, usize)>; 3] = [None; 3];
+        let mut first: [Option<(Rank, usize)>; 3] = [None; 3];
         let mut earliest: Option<Instant> = None;
         for (index, waiting) in self.waiting.iter().enumerate() {
             match ready(waiting.unit) {
@@ -241,8 +241,9 @@ impl<T> PortQueue<T> {
         self.waiting.iter().map(|waiting| waiting.unit)
     }
 
-    fn rank(&self, waiting: &Waiting<T>) -> Option<Rank> {
-        self.requester(waiting.requester).map(|known| (known.by_address, known.turn))
+    fn rank(&self, waiting: &Waiting<T>) -> Rank {
+        let known = self.requester(waiting.requester);
+        known.map_or(0, |known| Rank::from(known.by_address) << 32 | Rank::from(known.turn))
     }
 
     fn requester(&self, slot: u8) -> Option<&Known> {

@@ -15,16 +15,16 @@ impl<'g> Dispatcher<'g> {
 
     /// The proof to send before `request`.
     pub(super) fn proof(&self, request: &Frame<'g>) -> Option<Proving> {
-        self.proof_slot(request.target())?.get()
+        self.proof_slot(|| request.target())?.get()
     }
 
     pub(super) fn set_proof(&self, unit: u8, proof: Option<Proving>) {
-        self.proof_slot(unit).into_iter().for_each(|slot| slot.set(proof));
+        self.proof_slot(|| unit).into_iter().for_each(|slot| slot.set(proof));
     }
 
-    /// The slot of the connection that serves `unit`.
-    pub(super) fn proof_slot(&self, unit: u8) -> Option<&Cell<Option<Proving>>> {
-        let connection = if self.has_one_connection() { 0 } else { self.servers().connection(unit)? };
+    /// The slot of the connection that serves `unit`, which is only called if there are several.
+    pub(super) fn proof_slot(&self, unit: impl FnOnce() -> u8) -> Option<&Cell<Option<Proving>>> {
+        let connection = if self.has_one_connection() { 0 } else { self.servers().connection(unit())? };
         self.proofs.get(usize::from(connection))
     }
 

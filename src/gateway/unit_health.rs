@@ -219,10 +219,8 @@ impl Units<'_> {
 
     /// Whether every unit may be asked at `now`, and none is down.
     pub fn all_healthy(&mut self, now: Instant) -> bool {
-        if !self.needs_check() {
-            return true;
-        }
-        let needs_check = self.iter().any(|unit| unit.held_until > now || unit.is_down());
+        let needs_check =
+            self.needs_check() && self.iter().any(|unit| unit.held_until > now || unit.is_down());
         self.set_needs_check(needs_check);
         !needs_check
     }

@@ -20,6 +20,7 @@ use crate::tls::{self, Session};
 use crate::{exposure, ssh};
 
 mod connector;
+mod handover;
 mod listener;
 mod options;
 
@@ -105,6 +106,10 @@ impl hal::TcpStream for TcpStream {
         let (session, role) = tls::begin(&mut self.io, port, server).await?;
         self.session = Some(Box::new(session));
         Ok(role)
+    }
+
+    fn hand_over(self, port: PortId, peer: SocketAddr) {
+        handover::put(port, self, peer);
     }
 
     async fn serve_ssh(&mut self, port: PortId, peer: SocketAddr, logged_in: &dyn Fn()) {

@@ -7,12 +7,12 @@ use std::net::{SocketAddr, TcpStream as SystemStream, ToSocketAddrs};
 
 use embassy_time::{Duration, with_timeout};
 use mobgate::hal::{OpenError, OpenErrorKind, TcpConnect};
-use mobgate::settings::{Host, ServerAddress};
+use mobgate::settings::{Host, PortId, ServerAddress};
 use rustix::io::Errno;
 use socket2::{Domain, Protocol, Socket, Type};
 
 use super::listener::is_exhausted;
-use super::{TcpStream, options};
+use super::{TcpStream, handover, options};
 use crate::descriptor::Descriptor;
 use crate::worker;
 
@@ -48,6 +48,10 @@ impl TcpConnect for Connector {
             }
         }
         Err(error)
+    }
+
+    async fn handed_over(&self, port: PortId) -> (TcpStream, SocketAddr) {
+        handover::take(port).await
     }
 }
 

@@ -173,7 +173,7 @@ pub(super) const HELP_OPTIONS: &str = joined!(&[
     #[cfg(feature = "servers")]
     "    many servers: sockets N (connections at a time)\n",
     #[cfg(feature = "dial-in")]
-    "    listen: unit N, allow PREFIX,...|*, first \"TEXT\"|0xBYTES (tell devices apart)\n",
+    "    listen: unit N, allow PREFIX,...|*, first \"TEXT\"|0xBYTES\n",
     "  tcp server: rtu, clients N, idle T, pipeline N, lifetime T,
               full displace|refuse, reserve N for PREFIX[,PREFIX]...,
               allow PREFIX,...|*; capture: frames for Wireshark

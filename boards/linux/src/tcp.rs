@@ -26,7 +26,12 @@ mod options;
 
 pub use connector::Connector;
 pub(crate) use connector::{addresses_of, refusal};
+use handover::Handover;
 pub use listener::Listener;
+
+thread_local! {
+    static HANDOVER: Rc<Handover<TcpStream>> = Rc::new(Handover::new());
+}
 
 /// Time limit of an orderly close.
 const CLOSE_MAX: Duration = Duration::from_millis(250);
@@ -109,7 +114,7 @@ impl hal::TcpStream for TcpStream {
     }
 
     fn hand_over(self, port: PortId, peer: SocketAddr) {
-        handover::put(port, self, peer);
+        HANDOVER.with(Rc::clone).put(port, self, peer);
     }
 
     async fn serve_ssh(&mut self, port: PortId, peer: SocketAddr, logged_in: &dyn Fn()) {

@@ -4,6 +4,7 @@
 
 use std::io;
 use std::net::{SocketAddr, TcpStream as SystemStream, ToSocketAddrs};
+use std::rc::Rc;
 
 use embassy_time::{Duration, with_timeout};
 use mobgate::hal::{OpenError, OpenErrorKind, TcpConnect};
@@ -12,7 +13,7 @@ use rustix::io::Errno;
 use socket2::{Domain, Protocol, Socket, Type};
 
 use super::listener::is_exhausted;
-use super::{TcpStream, handover, options};
+use super::{HANDOVER, TcpStream, options};
 use crate::descriptor::Descriptor;
 use crate::worker;
 
@@ -51,7 +52,7 @@ impl TcpConnect for Connector {
     }
 
     async fn handed_over(&self, port: PortId) -> (TcpStream, SocketAddr) {
-        handover::take(port).await
+        HANDOVER.with(Rc::clone).take(port).await
     }
 }
 

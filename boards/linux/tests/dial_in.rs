@@ -79,9 +79,11 @@ fn devices_connect_are_told_apart_and_answer_requests() {
 #[test]
 fn a_further_connection_replaces_the_one_before_and_others_are_refused() {
     let devices = free_port();
-    let program = Program::configured(&settings(devices));
+    let program = with_console(&settings(devices));
+    let mut console = program.session();
     let mut before = dial(devices, b"EAST");
-    program.logs("has connected");
+    let mut shown = || converse(&mut console, "show ports\n", "west");
+    wait_for("the device in show ports", || shown().contains("open, device").then_some(()));
     serve(dial(devices, b"EAST"), 1, false);
     asked(&program, 1);
     assert_eq!(before.read(&mut [0; 16]).unwrap_or(0), 0, "the connection before is over");

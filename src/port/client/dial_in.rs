@@ -8,7 +8,6 @@
 
 use core::pin::pin;
 
-use embassy_futures::poll_once;
 use embassy_futures::select::{Either, select};
 
 use crate::hal::{TcpConnect, TcpStream};
@@ -30,8 +29,6 @@ pub(crate) async fn run<C: TcpConnect>(
 ) -> ! {
     let port_state = dispatcher.port_state().state();
     let [socket, ..] = &port_state.sockets;
-    // Left from before the port was changed.
-    let _ = poll_once(connector.handed_over(dispatcher.id()));
     dispatcher.close();
     let mut first_id = ID_STRIDE;
     let mut next = None;

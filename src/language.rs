@@ -11,6 +11,9 @@ mod changed;
 mod changes;
 mod ethercat;
 mod field;
+// Other images do not tell devices apart by them.
+#[cfg(feature = "dial-in")]
+mod first_bytes;
 // Only the web interface has settings by name.
 #[cfg(feature = "web")]
 pub(crate) mod forms;

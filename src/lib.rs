@@ -51,7 +51,7 @@
 //! `servers` a TCP client has one server, given by its address. Without `capture` no frames are stored. Without `paths` names of
 //! serial devices are short, as on boards. Without `web` there is no web interface; without
 //! `long-requests` its requests, and some of its responses, are shorter. Without `ssh` there are no SSH servers and no
-//! public keys of users. Without `mqtt` nothing is published.
+//! public keys of users. Without `mqtt` nothing is published. Without `dial-in` no device connects to the gateway.
 //!
 //! | limit | value | why |
 //! | --- | --- | --- |
@@ -67,6 +67,8 @@
 //! | [`port::client::pending::PENDING_MAX`] | 16 | requests in flight on one connection to a server, the specification's maximum |
 //! | `settings::PORT_SERVERS_MAX`, `settings::SERVERS_MAX` | 64 and 128, small: 8 and 16 | servers of one TCP client, and of all: what one scanner can poll in time |
 //! | [`settings::SOCKETS_MAX`] | 16, small: 2 | simultaneous connections of one port; each takes a future's memory |
+//! | `settings::DIAL_IN_WAITING_MAX` | 4 | devices of a port that have connected and wait for their first bytes; a newcomer displaces the oldest |
+//! | `settings::FIRST_BYTES_MAX` | 32 | bytes by which such a device is told apart: serial numbers are shorter |
 //! | `settings::SERVER_NAME_BYTES_MAX` | 63, small: 31 | a server's name, stored with each server line |
 //! | `settings::UDP_REQUESTS_MAX` | 32 | requests open at one UDP server; one more gets 06h |
 //! | [`scanner::DEVICES_MAX`] | 32 | devices that a scanner polls: the loads of an RS-485 segment |

@@ -16,6 +16,7 @@ mod own_network;
 mod points;
 mod policy;
 mod port;
+mod port_fields;
 mod port_limits;
 mod proof;
 mod publisher;
@@ -46,8 +47,13 @@ pub use self::http::HttpSettings;
 pub use self::lane::Lane;
 pub(crate) use self::limits::{DEVICE_BYTES_MAX, PATHS, RESERVED_MAX};
 pub use self::limits::{LINE_BYTES_MAX, NAME_BYTES_MAX, Name, PORTS_MAX, PortId, ROUTES_MAX};
+// As the devices that connect; also below.
+#[cfg(feature = "dial-in")]
+pub(crate) use self::lookup::Whose;
 pub use self::mdns::Mdns;
-pub(crate) use self::network::{MODBUS_TCP_PORT, UDP_REQUESTS_MAX};
+pub(crate) use self::network::{DIAL_IN_WAITING_MAX, MODBUS_TCP_PORT, UDP_REQUESTS_MAX};
+#[cfg(feature = "dial-in")]
+pub(crate) use self::network::{DialIn, FIRST_BYTES_MAX, FirstBytes};
 pub use self::network::{StreamFraming, TcpClientSettings, TcpListen, TcpServerSettings, UdpServerSettings};
 pub use self::own_network::{HOST_NAME_BYTES_MAX, HostName, OwnNetwork, StaticAddress};
 pub use self::points::{DeviceSettings, Label, PointAt, PointName, PointSettings};

@@ -88,6 +88,7 @@ impl fmt::Display for StatusText {
             Status::Off => f.write_str("off"),
             Status::Open => f.write_str("open"),
             Status::Idle => f.write_str("idle, connects when asked"),
+            Status::Waiting => f.write_str("waits for its device"),
             Status::Lost => f.write_str("lost, is opened again"),
             Status::Failed(error) => write!(f, "{error}"),
         }

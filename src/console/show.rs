@@ -267,7 +267,9 @@ fn port(source: &Source<'_, '_>, row: usize, out: &mut dyn fmt::Write) -> Writte
         let line = line.trim_ascii();
         written = write!(out, "{}\t{role}\t{at}\t{line}\t{status}", port.name);
     });
-    Some(written.and_then(|()| writer.map_or(Ok(()), |writer| write!(out, ", {writer}"))))
+    let device = state.device().map(Endpoint);
+    let written = written.and_then(|()| writer.map_or(Ok(()), |writer| write!(out, ", {writer}")));
+    Some(written.and_then(|()| device.map_or(Ok(()), |device| write!(out, ", device {device}"))))
 }
 
 fn server(source: &Source<'_, '_>, nth: usize, out: &mut dyn fmt::Write) -> Written {

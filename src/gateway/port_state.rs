@@ -1,6 +1,7 @@
 //! The shared state of the ports: status, counters, and the units behind each.
 
 use core::cell::{Cell, RefCell};
+use core::net::SocketAddr;
 use core::ops::Deref;
 use core::sync::atomic::{AtomicU16, Ordering};
 
@@ -33,6 +34,10 @@ pub struct PortState {
     /// Requests waiting at a client-side port.
     waiting: AtomicU16,
     status: Mutex<CriticalSectionRawMutex, Cell<Status>>,
+    /// The device that has connected.
+    // Others have none; also below.
+    #[cfg(feature = "dial-in")]
+    device: Mutex<CriticalSectionRawMutex, Cell<Option<SocketAddr>>>,
 }
 
 /// The status of a port.
@@ -46,6 +51,8 @@ pub enum Status {
     Open,
     /// Working, and connects when the next request arrives.
     Idle,
+    /// Working, and waits until its device connects.
+    Waiting,
     /// It was open and has been lost; it is being reopened.
     Lost,
     /// It cannot be opened; it is tried again.
@@ -59,7 +66,7 @@ impl Status {
             Self::Open => 0,
             Self::Idle => 1,
             Self::Off => 2,
-            Self::Lost | Self::Failed(_) => 3,
+            Self::Waiting | Self::Lost | Self::Failed(_) => 3,
         }
     }
 }
@@ -75,7 +82,24 @@ impl PortState {
             sockets: [const { Socket::new() }; SOCKETS_MAX],
             waiting: AtomicU16::new(0),
             status: Mutex::new(Cell::new(Status::Off)),
+            #[cfg(feature = "dial-in")]
+            device: Mutex::new(Cell::new(None)),
         }
+    }
+
+    /// The device that has connected to the port.
+    pub(crate) fn device(&self) -> Option<SocketAddr> {
+        #[cfg(feature = "dial-in")]
+        return self.device.lock(Cell::get);
+        #[cfg(not(feature = "dial-in"))]
+        None
+    }
+
+    /// Sets which device has connected, or that the port waits for it.
+    #[cfg(feature = "dial-in")]
+    pub(crate) fn set_device(&self, device: Option<SocketAddr>) {
+        self.device.lock(|cell| cell.set(device));
+        self.set_status(if device.is_some() { Status::Open } else { Status::Waiting });
     }
 
     /// Requests waiting at a client-side port.
@@ -195,6 +219,8 @@ impl<'g> PortAt<'g> {
 
     /// Restarts the port after a change of its settings.
     pub(crate) fn restart(&self) {
+        #[cfg(feature = "dial-in")]
+        self.device.lock(|cell| cell.set(None));
         self.set_status(Status::Off);
         self.units(|units| units.clear());
         self.changed.signal(());

@@ -48,12 +48,26 @@ pub trait TcpConnect {
     /// Connects to `server`, resolving its name if it has one; [`OpenErrorKind::Exhausted`] when all sockets of the board are in
     /// use. The caller limits the time by dropping the pending future.
     async fn connect(&self, server: &ServerAddress) -> Result<Self::Stream<'_>, OpenError>;
+
+    /// Waits for the next connection that is [handed over](TcpStream::hand_over) to the port `port`, and returns it with its peer.
+    /// Dropping the pending future loses none.
+    async fn handed_over(&self, _port: PortId) -> (Self::Stream<'_>, SocketAddr) {
+        core::future::pending().await
+    }
 }
 
 /// A TCP connection. `read` returns `Ok(0)` after the peer's FIN; dropping a pending `read` loses no byte.
 pub trait TcpStream: Read + Write {
     /// Closes the connection gracefully, within a bounded time.
     async fn close(self);
+
+    /// Hands the connection of `peer` over to the client port `port`, which waits in [`TcpConnect::handed_over`]. One that waits there
+    /// is dropped for it. On boards without such ports the connection ends.
+    fn hand_over(self, _port: PortId, _peer: SocketAddr)
+    where
+        Self: Sized,
+    {
+    }
 
     /// Begins TLS, for the port or publisher `port` of the settings ([`Settings::tls`](crate::settings::Settings::tls)): as the client
     /// of `server`, or else as a server of who has connected. From then on the connection carries what TLS carries. Returns the role in a

@@ -114,6 +114,14 @@ fn conflict(own: &PortKind, other: &PortKind, name: &Name) -> Option<Problem> {
         (PortKind::UdpServer(own), PortKind::UdpServer(other)) if own.listen.collides(&other.listen) => {
             Some(Problem::ListenTaken)
         }
+        // As these devices.
+        #[cfg(feature = "dial-in")]
+        (PortKind::TcpClient(own), PortKind::TcpClient(other))
+            if own.listens().is_some() && own.listens() == other.listens() =>
+        {
+            let (own, other) = (own.dial_in.as_ref()?, other.dial_in.as_ref()?);
+            own.overlaps(other).then(|| Problem::DevicesTaken(name.clone()))
+        }
         (PortKind::Ethercat(_), PortKind::Ethercat(_)) => Some(Problem::Points(PointProblem::EthercatTaken)),
         (PortKind::Scanner, PortKind::Scanner) => Some(Problem::Points(PointProblem::ScannerTaken)),
         _ => {
@@ -137,7 +145,7 @@ fn put_port(
             return Err(endpoint.error(problem));
         }
     }
-    let has_lines = matches!(&port.kind, PortKind::TcpClient(client) if client.server.is_none());
+    let has_lines = matches!(&port.kind, PortKind::TcpClient(client) if client.has_lines());
     if !has_lines {
         check_no_servers(settings, id, name)?;
     }

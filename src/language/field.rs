@@ -11,6 +11,9 @@ use super::certificates::certificate_name;
 #[cfg(feature = "files")]
 use super::ethercat::FILES;
 use super::ethercat::ON_LOSS;
+// As what uses it.
+#[cfg(feature = "dial-in")]
+use super::first_bytes;
 use super::option::list;
 use super::port_values::{device, format, interface, meaning, prefixes, reserved_for, server_address};
 #[cfg(feature = "web")] // As what uses it.
@@ -32,6 +35,9 @@ impl Field<'_> {
             Self::Stream(target, value) => *target = value,
             Self::Flag(target, value) => *target = value,
             Self::Baud(target, range) => *target = number(word, "a baud rate", range.clone())?,
+            // As the field; also below.
+            #[cfg(feature = "dial-in")]
+            Self::First(target) => *target = first_bytes::read(words)?,
             Self::Format(line) => (line.data_bits, line.parity, line.stop_bits) = format(word)?,
             value => value.read_value(words.take(), words)?,
         }
@@ -100,6 +106,8 @@ impl Field<'_> {
             Self::Framing(..) | Self::Side(..) => return None,
             Self::Driver(..) | Self::Stream(..) | Self::Flag(..) if self.holds() => return None,
             Self::Driver(..) | Self::Stream(..) | Self::Flag(..) => Shape::Flag,
+            #[cfg(feature = "dial-in")]
+            Self::First(_) => Shape::Quoted,
             Self::Small(_, Count(_, range))
             | Self::Medium(_, Count(_, range))
             | Self::Unit(_, Count(_, range))
@@ -138,6 +146,8 @@ impl Field<'_> {
                 return list(f, " for ", peers);
             }
             Self::Allow(allowed) => return list(f, " ", &allowed.0),
+            #[cfg(feature = "dial-in")]
+            Self::First(bytes) => &first_bytes::Printed(bytes),
             _ => return Ok(()),
         };
         write!(f, " {value}")

@@ -66,6 +66,7 @@ const PORTS: &[Line] = &[
         "serial -",
     ),
     ("tcp server", LISTEN, "tcp server 1"),
+    ("tcp client listen", LISTEN, "tcp client listen 1"),
     ("tcp client", &[NAME, KIND, ("address", TEXT)], "tcp client 127.0.0.1"),
     ("udp server", LISTEN, "udp server 1"),
     ("http server", LISTEN, "http server 1"),

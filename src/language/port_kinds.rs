@@ -5,7 +5,12 @@ use core::fmt::{self, Display};
 
 use super::ethercat::ETHERCAT;
 use super::listed::{joined, listed};
-use super::port_keys::{Keys, Keywords};
+#[cfg(feature = "web")]
+use super::port_keys::HTTP;
+// As its ports.
+#[cfg(feature = "dial-in")]
+use super::port_keys::TCP_DIAL_IN;
+use super::port_keys::{Keys, Keywords, NONE, SERIAL, SSH_SERVER, TCP_CLIENT, TCP_SERVER, UDP_SERVER};
 use super::port_values::{device, server_address};
 use super::problem::Problem;
 use super::values::{listen, parse_number};
@@ -14,8 +19,8 @@ use crate::scanner::POINTS;
 #[cfg(feature = "web")]
 use crate::settings::HttpSettings;
 use crate::settings::{
-    Driver, EthercatSettings, Framing, Key, MODBUS_TCP_PORT, PortKind, SERVERS, SerialSettings, Side,
-    StreamFraming, TLS, TcpClientSettings, TcpServerSettings, UdpServerSettings,
+    EthercatSettings, Framing, MODBUS_TCP_PORT, PortKind, SERVERS, SerialSettings, Side, TcpClientSettings,
+    TcpServerSettings, UdpServerSettings,
 };
 
 /// The medium of a port.
@@ -69,6 +74,9 @@ pub(crate) fn new_port<'a>(words: &'a Words) -> Result<(PortKind, Word<'a>), Wro
         }
         Medium::Serial => Side::Client,
     };
+    if matches!((medium, side), (Medium::Tcp, Side::Client)) && words.peek().is("listen") {
+        return listening(words);
+    }
     if SERVERS && matches!((medium, side), (Medium::Tcp, Side::Client)) {
         // A keyword is not a server's name.
         let next = words.peek();
@@ -101,11 +109,27 @@ pub(crate) fn new_port<'a>(words: &'a Words) -> Result<(PortKind, Word<'a>), Wro
     Ok((kind, endpoint))
 }
 
+/// `listen 5020`, of a client whose device connects.
+fn listening<'a>(words: &'a Words) -> Result<(PortKind, Word<'a>), Wrong> {
+    let _word = words.take();
+    // Other images have no such ports.
+    #[cfg(not(feature = "dial-in"))]
+    return Err(_word.expected("the address of a server: no device connects to this board"));
+    #[cfg(feature = "dial-in")]
+    {
+        let endpoint = words.take();
+        Ok((PortKind::TcpClient(TcpClientSettings::listening(listen(endpoint)?)), endpoint))
+    }
+}
+
 /// The keywords of all kinds.
 pub(super) const KEYS: &[Keys] = &[
     SERIAL.0,
     TCP_SERVER.0,
     TCP_CLIENT.0,
+    // Other images have no such ports; also below.
+    #[cfg(feature = "dial-in")]
+    TCP_DIAL_IN.0,
     UDP_SERVER.0,
     #[cfg(feature = "web")]
     HTTP.0,
@@ -120,6 +144,8 @@ port NAME tcp client ADDRESS[:PORT] [OPTION]...\tone server
 ",
     #[cfg(feature = "servers")]
     "port NAME tcp client [OPTION]...\tmany servers: see help server\n",
+    #[cfg(feature = "dial-in")]
+    "port NAME tcp client listen [ADDRESS:]PORT [OPTION]...\tits device connects\n",
     #[cfg(feature = "web")]
     "port NAME http server [ADDRESS:]PORT [OPTION]...\tthe web interface\n",
     #[cfg(feature = "ssh")]
@@ -146,6 +172,8 @@ pub(super) const HELP_OPTIONS: &str = joined!(&[
 ",
     #[cfg(feature = "servers")]
     "    many servers: sockets N (connections at a time)\n",
+    #[cfg(feature = "dial-in")]
+    "    listen: unit N, allow PREFIX,...|*, first \"TEXT\"|0xBYTES\n",
     "  tcp server: rtu, clients N, idle T, pipeline N, lifetime T,
               full displace|refuse, reserve N for PREFIX[,PREFIX]...,
               allow PREFIX,...|*; capture: frames for Wireshark
@@ -178,6 +206,8 @@ impl PortKind {
             Self::Serial(_) => SERIAL,
             Self::TcpServer(server) if server.is_ssh() => SSH_SERVER,
             Self::TcpServer(_) => TCP_SERVER,
+            #[cfg(feature = "dial-in")]
+            Self::TcpClient(client) if client.listens().is_some() => TCP_DIAL_IN,
             Self::TcpClient(_) => TCP_CLIENT,
             Self::UdpServer(_) => UDP_SERVER,
             Self::Ethercat(_) => ETHERCAT,
@@ -195,9 +225,10 @@ impl PortKind {
             }
             Self::TcpServer(server) if server.is_ssh() => write!(f, "ssh server {}", server.listen),
             Self::TcpServer(settings) => write!(f, "tcp server {}", settings.listen),
-            Self::TcpClient(settings) => match &settings.server {
-                Some(server) => write!(f, "tcp client {server}"),
-                None => f.write_str("tcp client"),
+            Self::TcpClient(settings) => match (&settings.server, settings.listens()) {
+                (Some(server), _) => write!(f, "tcp client {server}"),
+                (None, Some(listen)) => write!(f, "tcp client listen {listen}"),
+                (None, None) => f.write_str("tcp client"),
             },
             Self::UdpServer(settings) => write!(f, "udp server {}", settings.listen),
             #[cfg(feature = "web")]
@@ -221,8 +252,15 @@ impl PortKind {
             }
             Self::TcpServer(server) if server.is_ssh() => show(&"ssh server", &server.listen, &""),
             Self::TcpServer(server) => show(&"tcp server", &server.listen, &server.framing),
-            Self::TcpClient(TcpClientSettings { server, framing, .. }) => {
-                show(&"tcp client", server.as_ref().map_or(&"see show servers", |server| server), framing);
+            Self::TcpClient(client) => {
+                let TcpClientSettings { server, framing, .. } = client;
+                match client.listens() {
+                    Some(listen) => show(&"tcp client", &format_args!("listen {listen}"), framing),
+                    None => {
+                        let server: Option<&dyn Display> = server.as_ref().map(|server| server as _);
+                        show(&"tcp client", server.unwrap_or(&"see show servers"), framing);
+                    }
+                }
             }
             Self::UdpServer(server) => show(&"udp server", &server.listen, &""),
             Self::Ethercat(EthercatSettings { interface, .. }) => {
@@ -241,150 +279,3 @@ impl PortKind {
         }
     }
 }
-
-/// The keywords of each kind in printing order, with their list for errors. Those for the default are for `edit`, which resets
-/// a flag by them: `rs232`, `mbap`, `no-tls`.
-const SERIAL: Keywords = (
-    &[
-        ("device", Key::Device),
-        ("rtu", Key::Framing(Framing::Rtu)),
-        ("ascii", Key::Framing(Framing::Ascii)),
-        ("client", Key::Side(Side::Client)),
-        ("server", Key::Side(Side::Server)),
-        ("master", Key::Side(Side::Client)),
-        ("slave", Key::Side(Side::Server)),
-        ("char-timeout", Key::CharTimeout),
-        ("gap", Key::Gap),
-        ("rs485", Key::Driver(Driver::Rs485)),
-        ("rts", Key::Driver(Driver::Rts)),
-        ("rs232", Key::Driver(Driver::Automatic)),
-        ("driver-before", Key::DriverBefore),
-        ("driver-after", Key::DriverAfter),
-        ("echo", Key::Echo(true)),
-        ("no-echo", Key::Echo(false)),
-        ("answer-within", Key::AnswerWithin),
-        ("reply-delay", Key::ReplyDelay),
-        ("timeout", Key::Timeout),
-        ("retries", Key::Retries),
-        ("turnaround", Key::Turnaround),
-        ("start-delay", Key::StartDelay),
-        ("late-window", Key::LateWindow),
-        ("down-after", Key::DownAfter),
-        ("proof", Key::Proof),
-    ],
-    "rtu, ascii, client, server, a baud rate, a format (8E1), device, timeout, char-timeout, gap, rs485, rts, \
-     driver-before, driver-after, echo, retries, turnaround, start-delay, late-window, down-after, proof, answer-within or reply-delay",
-);
-
-const TCP_SERVER: Keywords = (
-    &[
-        ("listen", Key::Listen),
-        ("rtu", Key::Stream(StreamFraming::Rtu)),
-        ("capture", Key::Stream(StreamFraming::Capture)),
-        ("mbap", Key::Stream(StreamFraming::Mbap)),
-        #[cfg(feature = "tls")]
-        ("tls", Key::Tls(true)),
-        #[cfg(feature = "tls")]
-        ("no-tls", Key::Tls(false)),
-        #[cfg(feature = "tls")]
-        ("certificate", Key::Certificate),
-        #[cfg(feature = "tls")]
-        ("trust", Key::Trust),
-        ("clients", Key::Clients),
-        ("idle", Key::Idle),
-        ("pipeline", Key::Pipeline),
-        ("lifetime", Key::Lifetime),
-        ("full", Key::Full),
-        ("reserve", Key::Reserve),
-        ("allow", Key::Allow),
-    ],
-    if TLS {
-        "listen, rtu, capture, clients, idle, pipeline, lifetime, full, reserve, allow, tls, certificate or trust"
-    } else {
-        "listen, rtu, capture, clients, idle, pipeline, lifetime, full, reserve or allow"
-    },
-);
-
-const SSH_SERVER: Keywords = (
-    &[
-        ("listen", Key::Listen),
-        ("clients", Key::Clients),
-        ("full", Key::Full),
-        ("reserve", Key::Reserve),
-        ("allow", Key::Allow),
-    ],
-    "listen, clients, full, reserve or allow",
-);
-
-const TCP_CLIENT: Keywords = (
-    &[
-        ("address", Key::Server),
-        ("rtu", Key::Stream(StreamFraming::Rtu)),
-        ("mbap", Key::Stream(StreamFraming::Mbap)),
-        #[cfg(feature = "tls")]
-        ("tls", Key::Tls(true)),
-        #[cfg(feature = "tls")]
-        ("no-tls", Key::Tls(false)),
-        #[cfg(feature = "tls")]
-        ("certificate", Key::Certificate),
-        #[cfg(feature = "tls")]
-        ("trust", Key::Trust),
-        ("sockets", Key::Sockets),
-        ("unit", Key::Unit),
-        ("in-flight", Key::InFlight),
-        ("timeout", Key::Timeout),
-        ("connect-timeout", Key::ConnectTimeout),
-        ("connect-delay", Key::ConnectDelay),
-        ("request-delay", Key::RequestDelay),
-        ("idle", Key::Idle),
-        ("retries", Key::Retries),
-        ("late-window", Key::LateWindow),
-        ("down-after", Key::DownAfter),
-        ("proof", Key::Proof),
-    ],
-    if TLS {
-        "address, rtu, sockets, unit, in-flight, timeout, connect-timeout, \
-         connect-delay, request-delay, idle, retries, late-window, down-after, proof, tls, certificate or trust"
-    } else {
-        "address, rtu, sockets, unit, in-flight, timeout, connect-timeout, \
-         connect-delay, request-delay, idle, retries, late-window, down-after or proof"
-    },
-);
-
-const UDP_SERVER: Keywords = (
-    &[
-        ("listen", Key::Listen),
-        ("pipeline", Key::Pipeline),
-        ("requests", Key::Requests),
-        ("lifetime", Key::Lifetime),
-        ("allow", Key::Allow),
-    ],
-    "listen, pipeline, requests, lifetime or allow",
-);
-
-#[cfg(feature = "web")]
-const HTTP: Keywords = (
-    &[
-        ("listen", Key::Listen),
-        ("allow", Key::Allow),
-        ("cleartext", Key::Cleartext(true)),
-        ("no-cleartext", Key::Cleartext(false)),
-        ("metrics", Key::Metrics(true)),
-        ("no-metrics", Key::Metrics(false)),
-        #[cfg(feature = "tls")]
-        ("tls", Key::Tls(true)),
-        #[cfg(feature = "tls")]
-        ("no-tls", Key::Tls(false)),
-        #[cfg(feature = "tls")]
-        ("certificate", Key::Certificate),
-        #[cfg(feature = "tls")]
-        ("trust", Key::Trust),
-    ],
-    if TLS {
-        "listen, allow, cleartext, metrics, tls, certificate or trust"
-    } else {
-        "listen, allow, cleartext or metrics"
-    },
-);
-
-const NONE: Keywords = (&[], "");

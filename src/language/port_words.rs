@@ -93,7 +93,7 @@ impl<'a> Draft<'a> {
     pub(crate) fn create(words: &'a Words) -> Result<Self, Wrong> {
         let (kind, endpoint) = new_port(words)?;
         let mut seen = Key::Device.bit() | Key::Listen.bit() | Key::Server.bit();
-        if let PortKind::TcpClient(TcpClientSettings { server: None, .. }) = kind {
+        if matches!(&kind, PortKind::TcpClient(client) if client.has_lines()) {
             seen &= !Key::Server.bit();
         }
         let mut draft = Self::read(kind, UnitPolicy::default(), endpoint, seen, words)?;
@@ -175,6 +175,11 @@ impl<'a> Draft<'a> {
             return Err(word.error(Problem::NoTls));
         }
         let (keys, expected) = self.kind.words();
+        // As these ports.
+        #[cfg(feature = "dial-in")]
+        if matches!(&self.kind, PortKind::TcpClient(client) if client.listens().is_some()) && word.is("tls") {
+            return Err(word.error(Problem::DialInWithTls));
+        }
         let of_units = word.lookup(UNIT_KEYS).filter(|_| self.kind.has_units());
         of_units.map_or_else(|| word.keyword(keys, expected), Ok)
     }
@@ -222,12 +227,12 @@ impl<'a> Draft<'a> {
                     settings.proofs = Proofs::default();
                 }
                 let TcpClientSettings { sockets, .. } = TcpClientSettings::new(None);
-                match settings.server {
-                    Some(_) => {
+                match settings.has_lines() {
+                    false => {
                         blamed.refuse(Sort::OfServers, Problem::HasOneServer)?;
                         settings.sockets = sockets;
                     }
-                    None => {
+                    true => {
                         blamed.refuse(Sort::OfOneServer, Problem::HasManyServers)?;
                         settings.unit = None;
                     }

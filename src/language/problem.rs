@@ -261,6 +261,14 @@ pub(crate) enum Problem {
     /// Another port listens at this address.
     #[error("another port listens there")]
     ListenTaken,
+    /// The devices of the port of this name may be those of another one.
+    #[cfg(feature = "dial-in")] // As these; also below.
+    #[error("port {0} has these devices there: tell them apart by allow or first")]
+    DevicesTaken(Name),
+    /// Devices connect without TLS.
+    #[cfg(feature = "dial-in")]
+    #[error("cannot be set with listen: devices that connect are served without TLS")]
+    DialInWithTls,
     /// There is a web interface.
     // Left out of images without one.
     #[cfg(feature = "web")]

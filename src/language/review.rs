@@ -98,9 +98,9 @@ fn never_matches(settings: &Settings, n: usize) -> Option<Rules> {
 fn no_server(settings: &Settings, n: usize) -> Option<(u8, PortId)> {
     let rule = settings.routes.get(n).filter(|rule| SERVERS && !is_implied(settings, rule))?;
     let Destination::Port(client) = rule.destination else { return None };
-    let PortKind::TcpClient(TcpClientSettings { server: None, .. }) = settings.port(client)?.kind else {
+    if !matches!(&settings.port(client)?.kind, PortKind::TcpClient(client) if client.has_lines()) {
         return None;
-    };
+    }
     let mut targets = (rule.units.first..=rule.units.last).filter_map(|unit| rule.tag.apply(unit));
     let has_server = |unit: &u8| settings.server(client, *unit).is_some();
     if rule.units == UnitRange::ALL && targets.clone().any(|unit| has_server(&unit)) {

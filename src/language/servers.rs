@@ -34,7 +34,7 @@ pub(crate) fn members(each: &mut dyn FnMut(&'static str, Shape)) {
 fn port(settings: &Settings, word: Word) -> Result<PortId, Wrong> {
     let id = route_words::port(settings, word)?;
     match settings.port(id).map(|port| &port.kind) {
-        Some(PortKind::TcpClient(client)) if client.server.is_none() => Ok(id),
+        Some(PortKind::TcpClient(client)) if client.has_lines() => Ok(id),
         _ => Err(word.error(Problem::NotManyServers)),
     }
 }

@@ -77,6 +77,15 @@ pub fn parse(buffer: &[u8]) -> Result<Parsed<'_>, MbapError> {
     Ok(Parsed::Frame { header: Header { transaction, unit: *unit }, pdu, consumed })
 }
 
+/// Whether `bytes`, as far as they have arrived, may begin a frame with this transaction id.
+pub(crate) fn may_begin(transaction: u16, bytes: &[u8]) -> bool {
+    let [high, low] = transaction.to_be_bytes();
+    let head = [high, low, 0, 0, 0];
+    let known = bytes.len().min(head.len());
+    let has_length = |length: &u8| LENGTH.contains(&u16::from(*length));
+    head.get(..known) == bytes.get(..known) && bytes.get(head.len()).is_none_or(has_length)
+}
+
 /// Encodes the frame of `pdu` into `out`, which has room for it, and returns the part used.
 pub fn encode<'a>(header: Header, pdu: &[u8], out: &'a mut [u8]) -> Result<&'a [u8], PduLength> {
     let pdu = PduLength::check(pdu)?;

@@ -5,6 +5,9 @@
 
 pub mod cache;
 pub(crate) mod connection;
+// Other images have no ports whose devices connect.
+#[cfg(feature = "dial-in")]
+pub(crate) mod dial_in;
 pub(crate) mod dispatcher;
 pub mod pending;
 pub mod queue;

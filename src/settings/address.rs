@@ -27,6 +27,14 @@ impl Allowed {
         Self(Vec::new())
     }
 
+    /// Whether some peer is allowed by both.
+    // As the devices that connect.
+    #[cfg(feature = "dial-in")]
+    pub(crate) fn overlaps(&self, other: &Self) -> bool {
+        let meets = |own: &IpPrefix| other.0.iter().any(|other| own.covers(other) || other.covers(own));
+        self.0.is_empty() || other.0.is_empty() || self.0.iter().any(meets)
+    }
+
     /// Whether `peer` is allowed.
     pub fn admits(&self, peer: IpAddr) -> bool {
         self.0.is_empty() || self.0.iter().any(|prefix| prefix.contains(peer))

@@ -8,6 +8,8 @@ use heapless::String;
 // As what uses it.
 #[cfg(feature = "files")]
 use crate::settings::FileRights;
+#[cfg(feature = "dial-in")]
+use crate::settings::FirstBytes;
 use crate::settings::{
     Allowed, DEVICE_BYTES_MAX, Driver, Framing, InterfaceName, LineSettings, Name, OnLoss, Prefixes, Proofs,
     ServerAddress, Side, Special, StreamFraming, TcpListen,
@@ -47,6 +49,9 @@ pub(crate) enum Field<'s> {
     Full(&'s mut bool),
     Reserve(&'s mut u16, &'s mut Prefixes, &'static Count),
     Allow(&'s mut Allowed),
+    // As the key.
+    #[cfg(feature = "dial-in")]
+    First(&'s mut FirstBytes),
     /// The second field: whether [`Special::AllLines`] is allowed.
     Special(&'s mut Special, bool),
     Interface(&'s mut Option<InterfaceName>),

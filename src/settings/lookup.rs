@@ -1,5 +1,7 @@
 //! Look-ups in the settings: of a port, a server, a point, or the board.
 
+#[cfg(feature = "dial-in")]
+use core::net::IpAddr;
 use core::net::Ipv4Addr;
 
 use crate::settings::{
@@ -7,8 +9,22 @@ use crate::settings::{
     ServerAddress, ServerSettings, Settings, Side, StreamFraming, canonical,
 };
 // As what uses it.
+#[cfg(feature = "dial-in")]
+use crate::settings::{DialIn, TcpListen};
 #[cfg(feature = "tls")]
 use crate::settings::{PORTS_MAX, TlsSettings};
+
+/// Whose a device is that has connected.
+#[cfg(feature = "dial-in")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Whose {
+    /// That of this client port.
+    Port(PortId),
+    /// It may be told after so many further bytes, at least.
+    After(usize),
+    /// That of no port.
+    Nobody,
+}
 
 impl Settings {
     /// The settings of the EtherCAT port, if there is one.
@@ -58,6 +74,41 @@ impl Settings {
         }
         let (_, server) = self.servers_of(id).find(|(_, server)| server.units.contains(unit))?;
         Some((&server.at, server.tag.apply(unit)?))
+    }
+
+    /// The client ports whose devices connect to `listen`.
+    // As these; also below.
+    #[cfg(feature = "dial-in")]
+    pub(crate) fn dial_ins(&self, listen: &TcpListen) -> impl Iterator<Item = (PortId, &DialIn)> {
+        self.ports.iter().enumerate().filter_map(move |(at, port)| match &port.as_ref()?.kind {
+            PortKind::TcpClient(client) => {
+                let dial_in = client.dial_in.as_ref().filter(|dial_in| dial_in.listen == *listen)?;
+                Some((PortId(at as u8), dial_in))
+            }
+            _ => None,
+        })
+    }
+
+    /// Whose a device from `peer` is that has connected to `listen`, and has sent `begin` so far.
+    #[cfg(feature = "dial-in")]
+    pub(crate) fn whose(&self, listen: &TcpListen, peer: IpAddr, begin: &[u8]) -> Whose {
+        let mut whose = Whose::Nobody;
+        for (id, DialIn { allowed, first, .. }) in self.dial_ins(listen) {
+            if !allowed.admits(peer) {
+                continue;
+            }
+            if begin.starts_with(first) {
+                return Whose::Port(id);
+            }
+            if first.starts_with(begin) {
+                let missing = first.len() - begin.len();
+                whose = match whose {
+                    Whose::After(other) => Whose::After(other.min(missing)),
+                    _ => Whose::After(missing),
+                };
+            }
+        }
+        whose
     }
 
     /// The TLS settings of the port or publisher at `id`, if it speaks TLS; publishers have ids behind those of ports.

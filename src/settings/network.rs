@@ -160,11 +160,47 @@ impl UdpServerSettings {
     }
 }
 
+/// Bytes by which a device is told apart.
+// Left out of images in which no device connects; also below.
+#[cfg(feature = "dial-in")]
+pub(crate) const FIRST_BYTES_MAX: usize = 32;
+
+/// What a device sends first.
+#[cfg(feature = "dial-in")]
+pub(crate) type FirstBytes = Vec<u8, FIRST_BYTES_MAX, u8>;
+
+/// Devices waiting for their first bytes to be complete, of one port; a newcomer displaces the one that has waited for longest.
+pub(crate) const DIAL_IN_WAITING_MAX: usize = 4;
+
+/// Where the device of a TCP client connects, and how it is told apart from others that connect there.
+#[cfg(feature = "dial-in")]
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct DialIn {
+    /// Where the gateway listens; several ports may listen there.
+    pub(crate) listen: TcpListen,
+    /// The device's addresses.
+    pub(crate) allowed: Allowed,
+    /// What the device sends first, if anything: not part of a response.
+    pub(crate) first: FirstBytes,
+}
+
+#[cfg(feature = "dial-in")]
+impl DialIn {
+    /// Whether a device may be that of both.
+    pub(crate) fn overlaps(&self, other: &Self) -> bool {
+        let is_prefix = self.first.starts_with(&other.first) || other.first.starts_with(&self.first);
+        is_prefix && self.allowed.overlaps(&other.allowed)
+    }
+}
+
 /// A TCP client: one device or gateway, or several with server lines.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct TcpClientSettings {
-    /// The server's address; `None`: several servers, with their own lines.
+    /// The server's address; `None`: several servers, with their own lines, or a device that connects to the gateway.
     pub server: Option<ServerAddress>,
+    /// The device that connects to the gateway.
+    #[cfg(feature = "dial-in")]
+    pub(crate) dial_in: Option<DialIn>,
     /// Simultaneous connections, with several servers.
     pub sockets: u8,
     /// Modbus TCP or RTU over TCP.
@@ -205,6 +241,8 @@ impl TcpClientSettings {
     pub fn new(server: Option<ServerAddress>) -> Self {
         Self {
             server,
+            #[cfg(feature = "dial-in")]
+            dial_in: None,
             sockets: if SOCKETS_MAX < 8 { SOCKETS_MAX as u8 } else { 8 },
             framing: StreamFraming::Mbap,
             unit: None,
@@ -222,6 +260,36 @@ impl TcpClientSettings {
             #[cfg(feature = "tls")]
             tls: TlsSettings::OFF,
         }
+    }
+
+    /// The same for a device that connects to `listen`, and is kept.
+    #[cfg(feature = "dial-in")]
+    pub(crate) fn listening(listen: TcpListen) -> Self {
+        let dial_in = DialIn { listen, allowed: Allowed::everybody(), first: Vec::new() };
+        Self { dial_in: Some(dial_in), idle: Duration::from_ticks(0), ..Self::new(None) }
+    }
+
+    /// Where it listens for its device, if that connects.
+    pub const fn listens(&self) -> Option<&TcpListen> {
+        #[cfg(feature = "dial-in")]
+        if let Some(dial_in) = &self.dial_in {
+            return Some(&dial_in.listen);
+        }
+        None
+    }
+
+    /// Whether it has several servers, with their own lines.
+    pub(crate) const fn has_lines(&self) -> bool {
+        self.server.is_none() && self.listens().is_none()
+    }
+
+    /// The same server, or place to listen, with default settings.
+    pub(super) fn plain(&self) -> Self {
+        #[cfg(feature = "dial-in")]
+        if let Some(listen) = self.listens() {
+            return Self::listening(*listen);
+        }
+        Self::new(self.server.clone())
     }
 
     /// How long after a time-out its response may still arrive.

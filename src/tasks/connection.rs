@@ -7,6 +7,8 @@ use embassy_futures::select::select;
 
 use crate::gateway::Gateway;
 use crate::hal::TcpHost;
+#[cfg(feature = "dial-in")]
+use crate::port::server::dial_in::Lobby;
 use crate::port::server::tcp::{self, Terms};
 
 impl Gateway<'_> {
@@ -17,6 +19,13 @@ impl Gateway<'_> {
         async move {
             let Some(connection) = connection else { return pending().await };
             loop {
+                // Others have no ports whose devices connect.
+                #[cfg(feature = "dial-in")]
+                if let Some(lobby) = Lobby::of(self, connection) {
+                    select(connection.changed.wait(), lobby.run(host)).await;
+                    lobby.left();
+                    continue;
+                }
                 let served = connection.state().port.and_then(|id| {
                     let terms = self.settings(|settings| settings.tcp_server(id).map(Terms::of))?;
                     Some((id, self.ports().get(id.index())?, terms))

@@ -63,6 +63,9 @@ impl Gateway<'_> {
                         select(port_state.changed.wait(), select(dispatcher.receive_requests(), part)).await;
                         dispatcher.close();
                         port_state.sockets.iter().for_each(|socket| self.socket_closed(socket));
+                        // A device that has just connected, by the settings before. Other images have none.
+                        #[cfg(feature = "dial-in")]
+                        let _ = embassy_futures::poll_once(connector.handed_over(id));
                     }
                 }
             }
@@ -74,6 +77,7 @@ impl Gateway<'_> {
         match kind {
             Some(PortKind::TcpClient(client)) => {
                 let servers = match client.server {
+                    _ if client.listens().is_some() => Servers::line(),
                     Some(_) => Servers::one(),
                     None => self.settings(|settings| {
                         Servers::new(settings.servers_of(id).map(|(_, server)| (server.units, server.tag)))
@@ -97,6 +101,11 @@ async fn play<H: SerialHost, C: TcpConnect>(
 ) -> ! {
     match kind {
         Some(PortKind::Serial(settings)) => client::serial::run(dispatcher, settings, lines).await,
+        // Others have no such devices.
+        #[cfg(feature = "dial-in")]
+        Some(PortKind::TcpClient(settings)) if settings.listens().is_some() => {
+            outlined(pin!(client::dial_in::run(dispatcher, settings, connector))).await
+        }
         Some(PortKind::TcpClient(settings)) => {
             outlined(pin!(client::tcp::run(dispatcher, settings, connector))).await
         }

@@ -15,6 +15,7 @@ mod cut_off;
 mod cut_responses;
 mod cut_through;
 mod decisions;
+mod dial_in;
 mod documents;
 mod explain;
 mod floods;

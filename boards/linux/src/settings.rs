@@ -50,10 +50,11 @@ pub fn print(settings: &Settings) -> String {
     text
 }
 
-/// Names and listen addresses of the TCP servers.
+/// Names and listen addresses of the TCP servers, and of the clients whose devices connect.
 pub fn tcp_servers(settings: &Settings) -> impl Iterator<Item = (&str, &TcpListen)> {
     settings.ports.iter().flatten().filter_map(|port| match &port.kind {
         PortKind::TcpServer(server) => Some((port.name.as_str(), &server.listen)),
+        PortKind::TcpClient(client) => Some((port.name.as_str(), client.listens()?)),
         _ => None,
     })
 }

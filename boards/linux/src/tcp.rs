@@ -20,12 +20,18 @@ use crate::tls::{self, Session};
 use crate::{exposure, ssh};
 
 mod connector;
+mod handover;
 mod listener;
 mod options;
 
 pub use connector::Connector;
 pub(crate) use connector::{addresses_of, refusal};
+use handover::Handover;
 pub use listener::Listener;
+
+thread_local! {
+    static HANDOVER: Rc<Handover<TcpStream>> = Rc::new(Handover::new());
+}
 
 /// Time limit of an orderly close.
 const CLOSE_MAX: Duration = Duration::from_millis(250);
@@ -105,6 +111,10 @@ impl hal::TcpStream for TcpStream {
         let (session, role) = tls::begin(&mut self.io, port, server).await?;
         self.session = Some(Box::new(session));
         Ok(role)
+    }
+
+    fn hand_over(self, port: PortId, peer: SocketAddr) {
+        HANDOVER.with(Rc::clone).put(port, self, peer);
     }
 
     async fn serve_ssh(&mut self, port: PortId, peer: SocketAddr, logged_in: &dyn Fn()) {

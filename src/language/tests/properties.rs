@@ -50,7 +50,7 @@ fn random_line() -> impl Strategy<Value = String> {
         &["port", "route", "edit port", "edit route 1", "insert route 1", "move route", "delete port"];
     const WORDS: &str = "P1 P2 P3 P502 502 serial tcp uart1 rtu ascii client server 9600 8E1 7E1 timeout \
         300ms gap 0 1 2 reserve for 10.0.0.0/8, ::1 * -1 =7 1-64 local readonly functions \
-        3,4 priority high , #";
+        3,4 priority high , # listen allow first 0x5A";
     let route = (0..3_usize, 0..9_u8, 0..3_usize).prop_map(|(from, unit, to)| {
         format!("route {} {unit} * * {}", ["P502", "P2", "P5"][from], ["P1", "P4", "local"][to])
     });

@@ -122,6 +122,11 @@ impl<T> PendingRequests<T> {
         self.open().find(|pending| pending.id == id)
     }
 
+    /// The ids of these requests, and those whose responses may still arrive.
+    pub(crate) fn ids(&self) -> impl Iterator<Item = u16> {
+        self.all.iter().map(Entry::id)
+    }
+
     /// Whether `is` holds for a pending request.
     pub fn holds(&self, is: impl Fn(&T) -> bool) -> bool {
         self.open().any(|pending| is(&pending.request))

@@ -31,7 +31,7 @@ mod tls;
 /// Pause before a socket is requested again: not only client ports use sockets.
 const SOCKET_PAUSE: Duration = Duration::from_millis(50);
 /// Distance between the first transaction ids of successive connections, so that a server that mixes them up is noticed.
-const ID_STRIDE: u16 = 4_099;
+pub(crate) const ID_STRIDE: u16 = 4_099;
 
 const CLOSED_AT_ONCE: OpenError =
     OpenError::new(OpenErrorKind::Refused, "the server closes the connection without a response");

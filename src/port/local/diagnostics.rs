@@ -57,7 +57,9 @@ pub(super) fn respond(
 
 /// The current state of all ports; there is nothing to clear.
 fn register(gateway: &Gateway<'_>) -> u16 {
-    let failed = |port_state: &PortState| matches!(port_state.status(), Status::Lost | Status::Failed(_));
+    let failed = |port_state: &PortState| {
+        matches!(port_state.status(), Status::Waiting | Status::Lost | Status::Failed(_))
+    };
     let down = |port: PortAt<'_>| port.units(|units| units.iter().any(Unit::is_down));
     let bit = |is, bit| if is { bit } else { 0 };
     bit(gateway.ports().iter().any(failed), PORT_FAILED)

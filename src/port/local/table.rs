@@ -140,6 +140,7 @@ fn of_port(port_state: &PortAt<'_>, at: u16) -> u16 {
             Status::Idle => 2,
             Status::Lost => 3,
             Status::Failed(_) => 4,
+            Status::Waiting => 5,
         },
         1 => port_state.stats.last_error() as u16,
         2 => port_state.waiting(),

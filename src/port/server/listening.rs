@@ -2,11 +2,16 @@
 
 use core::net::{IpAddr, SocketAddr};
 
+use embassy_time::Duration;
+
 use crate::gateway::audit::Topic;
 use crate::gateway::{Gateway, PortState, Status};
 use crate::hal::OpenError;
 use crate::settings::{AUDIT, Address, PortId, canonical};
 use crate::stats::{Event, LastError};
+
+/// Pause after a listener fails.
+pub(crate) const LISTEN_PAUSE: Duration = Duration::from_secs(1);
 
 /// Reports that the server at `port_state` listens on `port` of `protocol`; `open_to_all` returns an address at which the whole world
 /// reaches it.
@@ -17,17 +22,49 @@ pub(crate) fn listens(
     open_to_all: impl FnOnce() -> Option<IpAddr>,
 ) {
     if port_state.set_status(Status::Open) {
-        port_state.stats.note(LastError::None);
-        log_info!("listening on {} port {}", protocol, port);
-        if let Some(address) = open_to_all() {
-            log_warn!(
-                "{} port {} serves whoever reaches {}, which is not private: limit it with allow",
-                protocol,
-                port,
-                address
-            );
-        }
+        has_opened(port_state, protocol, port, open_to_all);
     }
+}
+
+/// Logs that the server at `port_state` has begun to listen.
+fn has_opened(
+    port_state: &PortState,
+    protocol: &str,
+    port: u16,
+    open_to_all: impl FnOnce() -> Option<IpAddr>,
+) {
+    port_state.stats.note(LastError::None);
+    log_info!("listening on {} port {}", protocol, port);
+    if let Some(address) = open_to_all() {
+        log_warn!(
+            "{} port {} serves whoever reaches {}, which is not private: limit it with allow",
+            protocol,
+            port,
+            address
+        );
+    }
+}
+
+/// Reports that the client port at `port_state` waits for its device, at TCP port `port`; the rest as [`listens`].
+// Other images have no such devices; also below.
+#[cfg(feature = "dial-in")]
+pub(crate) fn waits(port_state: &PortState, port: u16, open_to_all: impl FnOnce() -> Option<IpAddr>) {
+    if matches!(port_state.status(), Status::Off | Status::Failed(_)) {
+        port_state.set_status(Status::Waiting);
+        has_opened(port_state, "TCP", port, open_to_all);
+    }
+}
+
+/// Reports that the client port `port` has refused a device at `peer`.
+#[cfg(feature = "dial-in")]
+pub(crate) fn refuses_device(gateway: &Gateway<'_>, port: PortId, peer: IpAddr, why: Event) {
+    let why = match why {
+        Event::Unwelcome => "it is that of no port",
+        Event::Stalled => "its first bytes do not come",
+        _ => "too many wait for their first bytes",
+    };
+    let what = format_args!("a device is refused, {why},");
+    gateway.audit_refusal(Topic::RefusedClient, Some(port), Some(peer), what);
 }
 
 /// Reports that the server at `port_state` cannot listen.

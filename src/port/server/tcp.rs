@@ -43,8 +43,6 @@ use self::window::Window;
 
 /// A client that does not accept a response for this long is disconnected.
 const WRITE_PATIENCE: Duration = Duration::from_secs(10);
-/// Pause after the listener fails.
-const LISTEN_PAUSE: Duration = Duration::from_secs(1);
 
 /// One connection of a TCP server.
 pub(crate) struct Server<'s, 'g> {
@@ -87,7 +85,7 @@ impl Server<'_, '_> {
                     Ok(accepted) => accepted,
                     Err(error) => {
                         listening::fails(self.port_state, "TCP", self.settings.listen.port, error);
-                        Timer::after(LISTEN_PAUSE).await;
+                        Timer::after(listening::LISTEN_PAUSE).await;
                         continue;
                     }
                 };

@@ -87,4 +87,4 @@ export function rate(key) {
 
 export const isClient = (port) => / client$/.test(port.role);
 export const isServer = (port) => /^(tcp|udp|rtu|ascii) server$/.test(port.role);
-export const isOpen = (port) => port.status === "open" || port.status.startsWith("idle");
+export const isOpen = (port) => port.status.startsWith("open") || port.status.startsWith("idle");

@@ -26,6 +26,7 @@ export const T = {
     [/refused/, "The device can be reached, but nobody listens there: check the TCP port, and whether the device allows this address."],
     [/not found|no such/i, "The adapter is not plugged in, or has another name: see ls -l /dev/serial/by-id."],
     [/lost/, "It is opened again by itself. Check cable and power if this does not end."],
+    [/waits for its device/, "The device has not connected: is it switched on, and does it connect to this address?"],
     [/unreachable|timed? ?out|no route/i, "The device’s address cannot be reached: check cable, address and network mask."],
     [/same device/, "Two ports lead to one adapter: remove one."],
   ],

@@ -61,6 +61,7 @@ pub(crate) const FEATURES: &[&str] = &[
     "ipv6",
     "long-images",
     "long-requests",
+    "dial-in",
     "long-values",
     "mqtt",
     "page",

@@ -10,9 +10,11 @@ use std::net::{IpAddr, SocketAddr};
 use std::rc::Rc;
 use std::task::{Poll, Waker};
 
+use embassy_sync::blocking_mutex::raw::NoopRawMutex;
+use embassy_sync::signal::Signal;
 use embedded_io_async::{ErrorKind, ErrorType, Read, Write};
 use mobgate::hal::{OpenError, OpenErrorKind, TcpHost, TcpStream};
-use mobgate::settings::TcpListen;
+use mobgate::settings::{PortId, TcpListen};
 
 use crate::random::Random;
 
@@ -45,12 +47,16 @@ struct State {
     listeners: HashMap<u16, Listener>,
     refused: HashMap<u16, OpenErrorKind>,
     outside: Outside,
+    /// What the gateway hands over from the tasks that accept to its client ports.
+    handover: HashMap<PortId, Rc<Handover>>,
     udp: HashMap<u16, Mailbox>,
     weather: Weather,
     random: Random,
     next_client_port: u16,
     counters: Counters,
 }
+
+type Handover = Signal<NoopRawMutex, (GatewayStream, SocketAddr)>;
 
 #[derive(Default)]
 struct Listener {
@@ -83,6 +89,7 @@ impl Network {
             listeners: HashMap::new(),
             refused: HashMap::new(),
             outside: Outside::default(),
+            handover: HashMap::new(),
             udp: HashMap::new(),
             weather: Weather::default(),
             random: Random::new(seed),
@@ -136,6 +143,11 @@ impl Network {
     /// Whether anybody listens at `port`.
     pub fn is_listening(&self, port: u16) -> bool {
         self.0.borrow().listeners.contains_key(&port)
+    }
+
+    /// Where connections for the client port `port` wait.
+    fn handover(&self, port: PortId) -> Rc<Handover> {
+        self.0.borrow_mut().handover.entry(port).or_insert_with(|| Rc::new(Signal::new())).clone()
     }
 
     /// What has been counted so far.
@@ -225,6 +237,13 @@ impl GatewayStream {
 }
 
 impl TcpStream for GatewayStream {
+    /// Only who has connected can be handed over.
+    fn hand_over(self, port: PortId, peer: SocketAddr) {
+        if let Some(network) = self.counted_in.clone() {
+            network.handover(port).signal((self, peer));
+        }
+    }
+
     /// What has been written still arrives, then the FIN.
     async fn close(mut self) {
         self.ended = true;

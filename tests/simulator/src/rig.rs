@@ -20,10 +20,10 @@ use mobgate::settings::{Framing, PORTS_MAX, PortId, PortKind, SerialSettings, Se
 use mobgate::stats::Event;
 
 use crate::client::{Client, Response};
-use crate::device::tcp::{Stream, serve as serve_tcp};
+use crate::device::tcp::{Stream, converse, serve as serve_tcp};
 use crate::device::{Device, serve_in};
 use crate::master::Master;
-use crate::net::Network;
+use crate::net::{ClientStream, Network};
 use crate::serial::SimSerial;
 use crate::wire::{EndRecord, LineEnd, Wire};
 use crate::world::{Clock, World};
@@ -239,6 +239,18 @@ impl<'g> Rig<'g> {
     /// Puts `devices` into the network, behind RTU over TCP at `address`.
     pub fn attach_rtu_over_tcp(&self, world: &World<'g>, address: &str, devices: impl Into<Vec<Device>>) {
         self.attach_at(world, address, true, devices);
+    }
+
+    /// Has `devices` serve the gateway on a connection that they have made to it.
+    pub fn serve_on(
+        &self,
+        world: &World<'g>,
+        stream: ClientStream,
+        is_rtu: bool,
+        devices: impl Into<Vec<Device>>,
+    ) {
+        let framing = if is_rtu { Stream::Rtu } else { Stream::Mbap };
+        world.spawn(converse(stream, framing, devices.into()));
     }
 
     /// What the gateway has sent on the wire `device`.

@@ -4,15 +4,16 @@
 
 use std::io;
 use std::net::{SocketAddr, TcpStream as SystemStream, ToSocketAddrs};
+use std::rc::Rc;
 
 use embassy_time::{Duration, with_timeout};
 use mobgate::hal::{OpenError, OpenErrorKind, TcpConnect};
-use mobgate::settings::{Host, ServerAddress};
+use mobgate::settings::{Host, PortId, ServerAddress};
 use rustix::io::Errno;
 use socket2::{Domain, Protocol, Socket, Type};
 
 use super::listener::is_exhausted;
-use super::{TcpStream, options};
+use super::{HANDOVER, TcpStream, options};
 use crate::descriptor::Descriptor;
 use crate::worker;
 
@@ -48,6 +49,10 @@ impl TcpConnect for Connector {
             }
         }
         Err(error)
+    }
+
+    async fn handed_over(&self, port: PortId) -> (TcpStream, SocketAddr) {
+        HANDOVER.with(Rc::clone).take(port).await
     }
 }
 

@@ -86,8 +86,7 @@ fn any_policy() -> impl Strategy<Value = Policy> {
 
 /// Servers of the ports that have several, whose units do not meet.
 pub(super) fn any_servers(ports: &[Port]) -> impl Strategy<Value = Vec<ServerSettings>> + use<> {
-    let has_several =
-        |port: &Port| matches!(&port.kind, PortKind::TcpClient(client) if client.server.is_none());
+    let has_several = |port: &Port| matches!(&port.kind, PortKind::TcpClient(client) if client.has_lines());
     let several: Vec<u8> =
         (0..ports.len() as u8).filter(|at| has_several(&ports[usize::from(*at)])).collect();
     let most = if several.is_empty() { 0 } else { 20 };

@@ -226,6 +226,9 @@ pub(super) fn any_tcp_client() -> impl Strategy<Value = PortKind> {
             PortKind::TcpClient(TcpClientSettings {
                 unit: unit.filter(|_| server.is_some()),
                 server,
+                // As the field.
+                #[cfg(feature = "dial-in")]
+                dial_in: None,
                 sockets,
                 framing,
                 in_flight: if framing == StreamFraming::Rtu { 1 } else { in_flight },
@@ -244,6 +247,49 @@ pub(super) fn any_tcp_client() -> impl Strategy<Value = PortKind> {
             })
         },
     )
+}
+
+/// A client whose device connects, where the image has it.
+#[cfg(feature = "dial-in")]
+pub(super) fn any_dial_in(n: usize) -> impl Strategy<Value = PortKind> {
+    let text = "[ -~]{1,32}".prop_map(|text| text.replace('"', "'").into_bytes());
+    let bytes = prop_oneof![
+        Just(std::vec::Vec::new()),
+        text,
+        "0x[ -~]{0,30}".prop_map(|text| text.into_bytes()),
+        prop::collection::vec(any::<u8>(), 1..=FIRST_BYTES_MAX)
+    ];
+    let allowed = prop::collection::vec(any_prefix(), 0..=RESERVED_MAX);
+    let address = prop::option::of((1..=u32::MAX).prop_map(|bits| IpAddr::V4(bits.into())));
+    (any_tcp_client(), any::<Option<u8>>(), address, allowed, bytes).prop_map(
+        move |(kind, unit, address, allowed, first)| {
+            let listen = TcpListen { address, port: 502 + n as u16 };
+            let PortKind::TcpClient(client) = kind else { return kind };
+            let dial_in = DialIn {
+                listen,
+                allowed: Allowed(allowed.into_iter().collect()),
+                first: first.into_iter().collect(),
+            };
+            let TcpClientSettings { sockets, connect_timeout, .. } = TcpClientSettings::new(None);
+            PortKind::TcpClient(TcpClientSettings {
+                server: None,
+                dial_in: Some(dial_in),
+                unit,
+                sockets,
+                connect_timeout,
+                // As the field.
+                #[cfg(feature = "tls")]
+                tls: TlsSettings::OFF,
+                ..client
+            })
+        },
+    )
+}
+
+/// Other images have another port instead.
+#[cfg(not(feature = "dial-in"))]
+pub(super) fn any_dial_in(_: usize) -> impl Strategy<Value = PortKind> {
+    any_tcp_client()
 }
 
 pub(super) fn any_units() -> impl Strategy<Value = UnitPolicy> {
@@ -332,6 +378,7 @@ pub(super) fn any_port(n: usize) -> impl Strategy<Value = Port> {
         any_serial(n).boxed(),
         any_tcp_server(n).boxed(),
         any_tcp_client().boxed(),
+        any_dial_in(n).boxed(),
         any_udp_server(n).boxed(),
         if n == 0 && POINTS { any_ethercat().boxed() } else { any_udp_server(n).boxed() },
         if n == 1 { any_http(n).boxed() } else { any_udp_server(n).boxed() },

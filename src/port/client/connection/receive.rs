@@ -33,6 +33,9 @@ impl<'g, S: TcpStream> TcpConnection<'_, 'g, S> {
     fn take_frames(&mut self) -> Result<(), End> {
         let stats = &self.dispatcher.port_state().stats;
         loop {
+            if self.has_heartbeat() {
+                self.drop_heartbeat();
+            }
             let consumed = match tcp::parse(self.input.get(..self.length).unwrap_or(&[])) {
                 Ok(Parsed::Incomplete) => return Ok(()),
                 Ok(Parsed::Frame { header, pdu, consumed }) => {
@@ -61,6 +64,26 @@ impl<'g, S: TcpStream> TcpConnection<'_, 'g, S> {
             };
             self.input.copy_within(consumed..self.length, 0);
             self.length -= consumed;
+        }
+    }
+
+    /// Whether the device has connected by itself. Many such devices send something now and then, so that the connection stays open
+    /// in a network of mobile phones.
+    fn has_heartbeat(&self) -> bool {
+        self.settings.listens().is_some()
+    }
+
+    /// Drops what comes before anything that may begin a response by Modbus TCP: a heartbeat has no header.
+    fn drop_heartbeat(&mut self) {
+        let begins = |at: &usize| {
+            let rest = self.input.get(*at..self.length).unwrap_or(&[]);
+            self.pending_requests.ids().any(|id| tcp::may_begin(id, rest))
+        };
+        let count = (0..self.length).find(begins).unwrap_or(self.length);
+        if count > 0 {
+            self.dispatcher.port_state().stats.count(Event::Noise);
+            self.tap(false, Event::Noise, self.first(count));
+            self.drop_first(count);
         }
     }
 
@@ -100,9 +123,16 @@ impl<'g, S: TcpStream> TcpConnection<'_, 'g, S> {
     }
 
     /// Whether a partial Modbus TCP frame is in the buffer whose rest is overdue. What follows may start anywhere in a frame, so
-    /// only a new connection restores framing.
-    pub(super) fn is_out_of_sync(&self) -> bool {
-        self.settings.framing == StreamFraming::Mbap && self.length > 0
+    /// only a new connection restores framing. The part of a heartbeat is dropped instead.
+    pub(super) fn is_out_of_sync(&mut self) -> bool {
+        let is_partial = self.settings.framing == StreamFraming::Mbap && self.length > 0;
+        if is_partial && self.has_heartbeat() {
+            if self.pending_requests.is_empty() {
+                self.drop_noise();
+            }
+            return false;
+        }
+        is_partial
     }
 
     /// When the pause after the bytes received by RTU over TCP is long enough to judge them.
@@ -128,6 +158,10 @@ impl<'g, S: TcpStream> TcpConnection<'_, 'g, S> {
         let (id, unit) = (pending.id, pending.unit);
         let received = self.input.get(..self.length).unwrap_or(&[]);
         let judged = rtu::response_at_silence(self.dispatcher.outside(unit), request, received);
+        if matches!(judged, AtSilence::Corrupt | AtSilence::Short) && self.may_go_on() {
+            self.received_at = Instant::now();
+            return;
+        }
         let verdict = match judged {
             AtSilence::Complete(pdu) => {
                 self.judge(unit, pdu, true, Event::Misfit).err().unwrap_or(Event::Response)
@@ -153,6 +187,7 @@ impl<'g, S: TcpStream> TcpConnection<'_, 'g, S> {
                     respond_rtu(self.dispatcher, pending, request, pdu);
                 }
             }
+            (AtSilence::Noise, _) if self.has_heartbeat() => port_state.stats.count(Event::Noise),
             (_, Event::BadCheck | Event::Short) => {
                 self.proven = true;
                 port_state.corrupt(unit, verdict);
@@ -164,6 +199,12 @@ impl<'g, S: TcpStream> TcpConnection<'_, 'g, S> {
             _ => port_state.disturbed(unit, verdict),
         }
         self.length = 0;
+    }
+
+    /// Whether what looks like a corrupt response may be a heartbeat, with the response behind.
+    fn may_go_on(&self) -> bool {
+        let deadline = self.pending_requests.first_deadline();
+        self.has_heartbeat() && deadline.is_some_and(|deadline| deadline > Instant::now())
     }
 
     /// Accepts `response`, in a valid frame from `unit`, if it is the `expected` one; otherwise the event is `Late`, or `other`.

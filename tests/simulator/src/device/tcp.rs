@@ -31,7 +31,7 @@ pub async fn serve(server: Server, framing: Stream, devices: Vec<Device>, spawne
 }
 
 /// Serves one connection to its end.
-async fn converse(mut stream: ClientStream, framing: Stream, devices: Vec<Device>) {
+pub async fn converse(mut stream: ClientStream, framing: Stream, devices: Vec<Device>) {
     let mut outbox = Outbox::new();
     let mut received = Vec::new();
     loop {

@@ -6,7 +6,7 @@ use std::task::{Poll, Waker};
 
 use embassy_time::Timer;
 use mobgate::hal::{OpenError, OpenErrorKind, TcpConnect};
-use mobgate::settings::{Host, ServerAddress};
+use mobgate::settings::{Host, PortId, ServerAddress};
 
 use super::client_stream::ClientStream;
 use super::outside::Listening;
@@ -123,5 +123,9 @@ impl TcpConnect for SimTcpConnect {
         waiting.into_iter().for_each(Waker::wake);
         let (incoming, outgoing) = (down, up);
         Ok(GatewayStream { incoming, outgoing, ended: false, counted_in: None, _socket: Some(socket) })
+    }
+
+    async fn handed_over(&self, port: PortId) -> (GatewayStream, SocketAddr) {
+        self.0.handover(port).wait().await
     }
 }

@@ -222,6 +222,9 @@ pub(crate) enum Key {
     // Left out of images without files.
     #[cfg(feature = "files")]
     Files,
+    // Likewise without Ethernet for a MainDevice.
+    #[cfg(feature = "eoe")]
+    Ethernet,
     // Left out of images without TLS; also below.
     #[cfg(feature = "tls")]
     Tls(bool),
@@ -374,6 +377,8 @@ impl EthercatSettings {
             Key::Id => Field::Id(&mut self.id, &ID),
             #[cfg(feature = "files")]
             Key::Files => Field::Files(&mut self.files),
+            #[cfg(feature = "eoe")]
+            Key::Ethernet => Field::Interface(&mut self.ethernet),
             _ => return None,
         })
     }

@@ -1,11 +1,12 @@
 //! EtherCAT: what a cycle costs on the SPI, how long a start takes, how images fare,
-//! and how soon an output is read back.
+//! how soon an output is read back, and how fast Ethernet is through mailboxes.
 
 // The worlds of the tests, which need more of them.
 #[allow(dead_code)]
 #[path = "../../tests/ethercat/gateway/bench.rs"]
 mod bench;
 mod clocks;
+mod ethernet;
 mod gateway;
 #[path = "../../tests/ethercat/gateway/matrix.rs"]
 mod matrix;
@@ -19,4 +20,5 @@ pub(crate) fn figures() {
     spi::figures();
     sub_device::figures();
     clocks::figures();
+    ethernet::figures();
 }

@@ -10,6 +10,7 @@ use ethercat_subdevice::coe::abort::Abort;
 use ethercat_subdevice::coe::emergency::Emergency;
 use ethercat_subdevice::diagnosis::History;
 use ethercat_subdevice::dictionary::number;
+use ethercat_subdevice::eoe::{Ethernet, NoEthernet};
 use ethercat_subdevice::esc::EscError;
 use ethercat_subdevice::foe::{FileAccess, Files, NoFiles};
 use ethercat_subdevice::indicators::Indicators;
@@ -32,7 +33,7 @@ const FIXED_NS: u32 = 25_000;
 const MODULE_NS: u32 = 4_000;
 
 /// Reads and writes of configuration, layout and buffers.
-pub struct GatewayObjects<'p, F = NoFiles> {
+pub struct GatewayObjects<'p, F = NoFiles, N = NoEthernet> {
     shared: &'p EthercatState,
     /// Why the last request was refused.
     refused: Option<ConfigError>,
@@ -44,6 +45,9 @@ pub struct GatewayObjects<'p, F = NoFiles> {
     /// Only in a modular gateway.
     slots: Option<Slots<'p>>,
     files: F,
+    ethernet: N,
+    /// Whether the device offers it.
+    has_ethernet: bool,
 }
 
 impl<'p> GatewayObjects<'p> {
@@ -59,6 +63,8 @@ impl<'p> GatewayObjects<'p> {
             points,
             slots: None,
             files: NoFiles,
+            ethernet: NoEthernet,
+            has_ethernet: false,
         }
     }
 
@@ -72,14 +78,34 @@ impl<'p> GatewayObjects<'p> {
     /// Adds the files of `files`.
     #[must_use]
     pub fn with_files<F: GatewayFiles>(self, files: F) -> GatewayObjects<'p, F> {
-        let Self { shared, refused, outputs_valid, input_counter, points, slots, .. } = self;
-        GatewayObjects { shared, refused, outputs_valid, input_counter, points, slots, files }
+        self.with(files, NoEthernet)
     }
 }
 
-impl<'p, F> GatewayObjects<'p, F> {
+impl<'p, F, N> GatewayObjects<'p, F, N> {
+    /// With other files and another Ethernet, which the settings may offer.
+    pub(super) fn with<G: GatewayFiles, E: Ethernet>(
+        self,
+        files: G,
+        ethernet: E,
+    ) -> GatewayObjects<'p, G, E> {
+        let Self { shared, refused, outputs_valid, input_counter, points, slots, has_ethernet, .. } = self;
+        GatewayObjects {
+            shared,
+            refused,
+            outputs_valid,
+            input_counter,
+            points,
+            slots,
+            files,
+            ethernet,
+            has_ethernet,
+        }
+    }
+
     /// Switches to the device selected by the settings; returns whether it is the modular one.
     pub(super) fn follow_settings(&mut self) -> bool {
+        self.has_ethernet = self.shared.wants_ethernet();
         let modular = self.shared.wants_modules();
         self.become_modular(modular);
         modular
@@ -143,7 +169,7 @@ fn copy_entry(buffer: &[u8], first: u16, sub: u8, into: &mut [u8]) -> Result<(),
     Ok(())
 }
 
-impl<F: GatewayFiles> Application for GatewayObjects<'_, F> {
+impl<F: GatewayFiles, N: Ethernet> Application for GatewayObjects<'_, F, N> {
     fn proves_outputs(&self) -> bool {
         self.shared.proves_outputs()
     }
@@ -174,6 +200,10 @@ impl<F: GatewayFiles> Application for GatewayObjects<'_, F> {
 
     fn files(&mut self) -> Option<&mut impl Files> {
         (F::ACCESS != FileAccess::None).then_some(&mut self.files)
+    }
+
+    fn ethernet(&mut self) -> Option<&mut impl Ethernet> {
+        Some(&mut self.ethernet)
     }
 
     fn identification(&self) -> Option<u16> {
@@ -323,6 +353,7 @@ impl<F: GatewayFiles> Application for GatewayObjects<'_, F> {
 
     fn is_another_device(&self) -> bool {
         self.shared.wants_modules() != self.slots.is_some()
+            || self.shared.wants_ethernet() != (cfg!(feature = "eoe") && self.has_ethernet)
     }
 
     fn failed(&mut self, fault: EscError) {

@@ -4,6 +4,7 @@ use embassy_time::{Duration, Timer};
 use ethercat_subdevice::application::Application as _;
 use ethercat_subdevice::clocks::SyncSignals;
 use ethercat_subdevice::device::Device;
+use ethercat_subdevice::eoe::Ethernet;
 use ethercat_subdevice::esc::{Esc, EscError};
 use ethercat_subdevice::foe::FileAccess;
 use ethercat_subdevice::sub_device::{RESTART_PAUSE, SubDevice};
@@ -32,6 +33,10 @@ static UPDATABLE_WITH_MODULES: Device = Device { files: FileAccess::WithBoot, ..
 static LONG: Device = LONG_DEVICE;
 #[cfg(feature = "long-images")] // Only for images that serve it.
 static LONG_WITH_MODULES: Device = LONG_MODULAR;
+#[cfg(feature = "long-images")] // Only for images that serve it.
+static LONG_WITH_ETHERNET: Device = Device { ethernet: true, ..LONG_DEVICE };
+#[cfg(feature = "long-images")] // Only for images that serve it.
+static LONG_WITH_BOTH: Device = Device { ethernet: true, ..LONG_MODULAR };
 
 /// The description of the gateway as a SubDevice: with fixed process data, or with modules.
 pub fn device(modules: bool) -> &'static Device {
@@ -43,10 +48,15 @@ pub fn updatable_device(modules: bool) -> &'static Device {
     if modules { &UPDATABLE_WITH_MODULES } else { &UPDATABLE }
 }
 
-/// The same with long images.
+/// The same with long images, and Ethernet by EoE or none.
 #[cfg(feature = "long-images")]
-pub fn long_device(modules: bool) -> &'static Device {
-    if modules { &LONG_WITH_MODULES } else { &LONG }
+pub fn long_device(modules: bool, ethernet: bool) -> &'static Device {
+    match (modules, ethernet) {
+        (false, false) => &LONG,
+        (false, true) => &LONG_WITH_ETHERNET,
+        (true, false) => &LONG_WITH_MODULES,
+        (true, true) => &LONG_WITH_BOTH,
+    }
 }
 
 /// The gateway as a SubDevice with buffers for long images.
@@ -77,27 +87,35 @@ pub async fn serve<F: GatewayFiles>(
 }
 
 /// The same for a controller with memory for longer images, and a `shared` for them ([`EthercatState::long`]). It has no Boot, so
-/// that `files` are the named ones.
+/// that `files` are the named ones. `ethernet` is an [`Eoe`](ethercat_subdevice::eoe::Eoe), offered where the settings have the word
+/// for it, or [`NoEthernet`](ethercat_subdevice::eoe::NoEthernet).
 #[cfg(feature = "long-images")] // As `EthercatState::long`.
 pub async fn serve_long(
     shared: &EthercatState,
     points: Option<&ScannerState>,
     files: impl GatewayFiles,
+    ethernet: impl Ethernet,
     esc: impl Esc,
     sync: Option<&'static SyncSignals>,
     attention: impl AsyncFnMut(),
 ) -> ! {
-    let objects = GatewayObjects::new(shared).with_points(points).with_files(files);
-    let mut sub_device = LongSubDevice::with_buffers(long_device(false), esc, objects).with_sync(sync);
-    run(shared, &mut sub_device, long_device, attention).await
+    let objects = GatewayObjects::new(shared).with_points(points).with(files, ethernet);
+    let mut sub_device = LongSubDevice::with_buffers(long_device(false, false), esc, objects).with_sync(sync);
+    let device = |modules| long_device(modules, shared.wants_ethernet());
+    run(shared, &mut sub_device, device, attention).await
 }
 
 /// Serves as the device that `device` returns for modules or none, as selected by the settings. By reference: a future stores both
 /// its arguments and what it moves them to.
 async fn run<const OUTPUTS: usize, const INPUTS: usize>(
     shared: &EthercatState,
-    sub_device: &mut SubDevice<impl Esc, GatewayObjects<'_, impl GatewayFiles>, OUTPUTS, INPUTS>,
-    device: fn(bool) -> &'static Device,
+    sub_device: &mut SubDevice<
+        impl Esc,
+        GatewayObjects<'_, impl GatewayFiles, impl Ethernet>,
+        OUTPUTS,
+        INPUTS,
+    >,
+    device: impl Fn(bool) -> &'static Device,
     mut attention: impl AsyncFnMut(),
 ) -> ! {
     let mut known = None;

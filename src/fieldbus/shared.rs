@@ -25,7 +25,7 @@ use super::request::Requests;
 use super::room::Room;
 use super::texts::SharedHistory;
 use crate::scanner::{DeviceId, DeviceStatus, Scanner, ScannerState};
-use crate::settings::{OnLoss, Settings};
+use crate::settings::{EthercatSettings, OnLoss, Settings};
 
 /// The gateway's EtherCAT state. Boards keep it in a static; it is all zeros at start.
 pub struct EthercatState {
@@ -66,6 +66,8 @@ pub(super) struct State {
     pub(super) modular: bool,
     /// Whether the settings select modules. A change requires a restart of the SubDevice.
     pub(super) wants_modules: bool,
+    /// Whether they offer Ethernet, likewise.
+    wants_ethernet: bool,
     /// Whether process data are exchanged, so that modules cannot change.
     exchanging: bool,
     /// The line settings from the MainDevice, once it has written any.
@@ -94,6 +96,7 @@ impl State {
         room: Room { inputs: 0, outputs: 0 },
         modular: false,
         wants_modules: false,
+        wants_ethernet: false,
         exchanging: false,
         speed: Speed::NONE,
         line: Speed::NONE,
@@ -127,6 +130,12 @@ impl EthercatState {
             keeping: Keeping::new(),
             history: SharedHistory::new(RefCell::new(History::new())),
         }
+    }
+
+    /// Whether the settings offer Ethernet.
+    pub(super) fn wants_ethernet(&self) -> bool {
+        // No image without it has the setting.
+        cfg!(feature = "eoe") && self.state.lock(Cell::get).wants_ethernet
     }
 
     /// Whether a configuration is in use (2005h:02).
@@ -324,6 +333,7 @@ impl EthercatState {
             state.id = port.and_then(|port| port.id);
             state.emergencies = port.is_some_and(|port| port.emergencies);
             state.wants_modules = port.is_some_and(|port| port.modules);
+            state.wants_ethernet = port.is_some_and(EthercatSettings::has_ethernet);
             state.line = line;
             state.wanted |= other_slaves && !settings.slaves.is_empty();
         });

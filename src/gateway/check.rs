@@ -3,7 +3,7 @@
 use super::Gateway;
 use crate::fieldbus::ConfigError;
 use crate::scanner::Full;
-use crate::settings::{EthercatSettings, Name, Port, PortKind, Settings, StreamFraming};
+use crate::settings::{Name, Port, PortKind, Settings, StreamFraming};
 
 /// Why settings were rejected.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -69,7 +69,10 @@ impl ApplyError {
             Self::Connections { .. } => "clients",
             Self::NoPoints => "scanner",
             Self::NoEthercat | Self::NoInterface => "ethercat",
-            Self::WiredController => "interface",
+            Self::WiredController => {
+                let names = settings.ethercat().is_some_and(|port| port.interface.is_some());
+                if names { "interface" } else { "ethernet" }
+            }
             Self::NoCapture => "capture",
             Self::SameDevice { other, .. } => {
                 let port = settings.find(other).and_then(|id| settings.port(id));
@@ -100,11 +103,12 @@ impl Gateway<'_> {
         if has_points && self.scanner().is_none() {
             return Err(ApplyError::NoPoints);
         }
-        if let Some(EthercatSettings { interface, .. }) = new.ethercat() {
-            match (self.ethercat(), self.ethercat_interfaces, interface) {
+        if let Some(port) = new.ethercat() {
+            match (self.ethercat(), self.ethercat_interfaces, &port.interface) {
                 (None, _, _) => return Err(ApplyError::NoEthercat),
                 (_, true, None) => return Err(ApplyError::NoInterface),
                 (_, false, Some(_)) => return Err(ApplyError::WiredController),
+                (_, false, None) if port.has_ethernet() => return Err(ApplyError::WiredController),
                 _ => {}
             }
         }

@@ -6,7 +6,7 @@ use super::{Gateway, Status};
 use crate::fieldbus::{Controller, EthercatState, LineWriter};
 use crate::hal::{OpenError, OpenErrorKind};
 use crate::scanner::POINTS;
-use crate::settings::{InterfaceName, Settings};
+use crate::settings::Settings;
 
 impl<'g> Gateway<'g> {
     /// For boards with an EtherCAT controller; `port_state` is shared with its SubDevice.
@@ -26,11 +26,6 @@ impl<'g> Gateway<'g> {
     /// The state shared with the SubDevice, if the board has one.
     pub fn ethercat(&self) -> Option<&'g EthercatState> {
         if POINTS { self.ethercat } else { None }
-    }
-
-    /// The network interface of the EtherCAT controller, from the settings.
-    pub fn ethercat_interface(&self) -> Option<InterfaceName> {
-        self.settings(|settings| settings.ethercat()?.interface.clone())
     }
 
     /// Whether the settings ask for a modular SubDevice.

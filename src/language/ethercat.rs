@@ -1,6 +1,6 @@
 //! The keywords of an EtherCAT port.
 
-use super::listed::keywords;
+use super::listed::{joined, keywords};
 use super::port_keys::Keywords;
 use crate::scanner::POINTS;
 // As the word.
@@ -28,10 +28,15 @@ const WITH_CONTROLLER: Keywords = (
         ("no-prove-outputs", Key::ProveOutputs(false)),
         #[cfg(feature = "files")]
         ("files", Key::Files),
+        #[cfg(feature = "eoe")]
+        ("ethernet", Key::Ethernet),
     ],
-    if cfg!(feature = "files") {
-        "interface, line, on-loss, id, modules, emergencies, prove-outputs or files"
-    } else {
-        "interface, line, on-loss, id, modules, emergencies or prove-outputs"
-    },
+    joined!(&[
+        "interface, line, on-loss, id, modules, emergencies",
+        #[cfg(feature = "files")]
+        ", files",
+        #[cfg(feature = "eoe")]
+        ", ethernet",
+        " or prove-outputs",
+    ]),
 );

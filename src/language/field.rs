@@ -70,6 +70,7 @@ impl Field<'_> {
             Self::Allow(target) if word.is("*") => *target = Allowed::everybody(),
             Self::Allow(target) => target.0 = prefixes(word, words)?,
             Self::Special(target, broadcast) => *target = meaning(word, words, broadcast)?,
+            Self::Interface(target) if word.is("none") => *target = None,
             Self::Interface(target) => *target = Some(interface(word)?),
             Self::Line(target) if word.is("none") => *target = None,
             Self::Line(target) => *target = Some(name(word)?),

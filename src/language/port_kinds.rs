@@ -191,6 +191,9 @@ pub(super) const HELP_OPTIONS: &str = joined!(&[
     #[cfg(feature = "files")]
     "              files off|read|write (settings, log, capture by FoE),
 ",
+    #[cfg(feature = "eoe")]
+    "              ethernet NAME|none (a TAP interface for TCP/IP by EoE),
+",
     #[cfg(feature = "points")]
     "              prove-outputs|no-prove-outputs
 ",

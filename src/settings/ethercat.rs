@@ -29,6 +29,9 @@ pub struct EthercatSettings {
     pub modules: bool,
     /// What a MainDevice may do with the named files. Images without them have no word for it.
     pub(crate) files: FileRights,
+    /// The network interface that carries a MainDevice's Ethernet frames (EoE), if any.
+    #[cfg(feature = "eoe")] // As its word.
+    pub ethernet: Option<InterfaceName>,
     /// No value where there is no EtherCAT: the compiler leaves out what is done with these settings.
     pub(crate) exists: Exists,
 }
@@ -55,8 +58,18 @@ impl EthercatSettings {
             emergencies: false,
             modules: false,
             files: FileRights::Off,
+            #[cfg(feature = "eoe")] // As its word.
+            ethernet: None,
             exists,
         })
+    }
+
+    /// Whether a MainDevice's Ethernet frames are carried.
+    pub(crate) fn has_ethernet(&self) -> bool {
+        #[cfg(feature = "eoe")] // As its word.
+        return self.ethernet.is_some();
+        #[cfg(not(feature = "eoe"))]
+        false
     }
 }
 

@@ -223,6 +223,9 @@ pub(crate) enum Key {
     // Left out of images without files.
     #[cfg(feature = "files")]
     Files,
+    // Likewise without Ethernet for a MainDevice.
+    #[cfg(feature = "eoe")]
+    Ethernet,
     // Left out of images without TLS; also below.
     #[cfg(feature = "tls")]
     Tls(bool),

@@ -154,6 +154,8 @@ impl EthercatSettings {
             Key::Id => Field::Id(&mut self.id, &ID),
             #[cfg(feature = "files")]
             Key::Files => Field::Files(&mut self.files),
+            #[cfg(feature = "eoe")]
+            Key::Ethernet => Field::Interface(&mut self.ethernet),
             _ => return None,
         })
     }

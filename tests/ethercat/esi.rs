@@ -6,7 +6,7 @@ mod schema;
 
 use std::collections::BTreeMap;
 
-use mobgate::fieldbus::{LONG_DEVICE, LONG_MODULAR, MODULAR, updatable_device};
+use mobgate::fieldbus::{LONG_MODULAR, MODULAR, long_device, updatable_device};
 use mobgate::settings::SlaveSettings;
 use mobgate_description::write_esi;
 
@@ -14,8 +14,6 @@ use crate::prelude::*;
 use crate::sdo::category;
 use builder::{build, child, number, text};
 
-static LONG_GATEWAY: Device = LONG_DEVICE;
-static LONG_WITH_MODULES: Device = LONG_MODULAR;
 /// The smallest EEPROM that is common.
 const EEPROM_BYTES_MAX: usize = 2_048;
 
@@ -26,9 +24,9 @@ slave 1 unit 18 coil 0 count 8
 slave 2 unit 19 coil 32 count 8 read 50ms
 slave 3 unit 20";
 
-/// The devices of the gateway's file, in order: boards take new firmware.
+/// The devices of the gateway's file, in order: boards take new firmware, and the others have Ethernet.
 fn devices() -> [&'static Device; 4] {
-    [updatable_device(false), &LONG_GATEWAY, updatable_device(true), &LONG_WITH_MODULES]
+    [updatable_device(false), long_device(false, true), updatable_device(true), long_device(true, true)]
 }
 
 fn slaves() -> Vec<SlaveSettings> {
@@ -38,8 +36,18 @@ fn slaves() -> Vec<SlaveSettings> {
 /// The gateway's file: its devices, and the modules.
 fn file_of_gateway() -> String {
     let mut file = String::new();
-    write_esi(&slaves(), &mut file).unwrap();
+    write_esi(&slaves(), true, &mut file).unwrap();
     file
+}
+
+#[test]
+fn statement_52_ethernet_is_in_the_file_of_a_device_that_offers_it_only() {
+    let with = file_of_gateway();
+    assert_eq!(with.matches("<EoE IP=\"true\" MAC=\"true\"/>").count(), 2, "those with long images");
+    let mut without = String::new();
+    write_esi(&slaves(), false, &mut without).unwrap();
+    let others: Vec<_> = with.lines().filter(|line| !line.contains("<EoE")).collect();
+    assert!(others.iter().copied().eq(without.lines()), "nothing else differs");
 }
 
 #[test]

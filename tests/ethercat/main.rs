@@ -11,6 +11,7 @@ mod controllers;
 mod documents;
 mod esc_masters;
 mod esi;
+mod ethernet;
 mod files;
 mod foreign;
 mod gateway;

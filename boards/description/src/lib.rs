@@ -8,6 +8,7 @@ use std::fmt::{self, Display, Write};
 
 use ethercat_description::esi::{self, Command, EsiError, Slots};
 use ethercat_subdevice::application::Address;
+use ethercat_subdevice::device::Device;
 use ethercat_subdevice::object::Object;
 use mobgate::fieldbus::{LONG_DEVICE, LONG_MODULAR, Module, updatable_device};
 use mobgate::scanner::{Kind, ValueType};
@@ -30,15 +31,16 @@ const VALUES: [u16; 6] = [1, 2, 4, 8, 16, 32];
 /// The tables in PDO order.
 const TABLES: [Kind; 4] = [Kind::Discrete, Kind::Coil, Kind::Input, Kind::Holding];
 
-/// Writes the gateway's ESI file: a module for each of `slaves`, then the common ones.
+/// Writes the gateway's ESI file: a module for each of `slaves`, then the common ones. Devices with long images have EoE if the
+/// settings offer `ethernet`.
 ///
 /// # Errors
 /// If a description does not fit an EEPROM, or `into` cannot be written.
-pub fn write_esi(slaves: &[SlaveSettings], into: &mut impl Write) -> Result<(), EsiError> {
+pub fn write_esi(slaves: &[SlaveSettings], ethernet: bool, into: &mut impl Write) -> Result<(), EsiError> {
     let modular = Some(SLOTS);
     let [fixed, modules_in_slots] = [false, true].map(updatable_device);
-    let devices =
-        [(fixed, None), (&LONG_DEVICE, None), (modules_in_slots, modular), (&LONG_MODULAR, modular)];
+    let [long, long_modular] = [LONG_DEVICE, LONG_MODULAR].map(|device| Device { ethernet, ..device });
+    let devices = [(fixed, None), (&long, None), (modules_in_slots, modular), (&long_modular, modular)];
     esi::write_file(&devices, &modules(slaves), into)
 }
 

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use ethercat_description::sii;
 use mobgate::fieldbus::updatable_device;
-use mobgate::settings::SlaveSettings;
+use mobgate::settings::Settings;
 use mobgate_description::write_esi;
 
 use crate::cli::Make;
@@ -21,17 +21,17 @@ pub fn write(make: &Make) -> Result<(), String> {
         }
         Make::Esi { config, file } => {
             let mut xml = String::new();
-            let slaves = config.as_ref().map_or_else(|| Ok(Vec::new()), |config| slaves(config))?;
-            write_esi(&slaves, &mut xml).map_err(|error| error.to_string())?;
+            let settings = config.as_deref().map_or_else(|| Ok(Settings::default()), settings_in)?;
+            let ethernet = settings.ethercat().is_some_and(|port| port.ethernet.is_some());
+            write_esi(&settings.slaves, ethernet, &mut xml).map_err(|error| error.to_string())?;
             (file, xml.into_bytes())
         }
     };
     fs::write(file, content).map_err(|error| format!("{}: {error}", file.display()))
 }
 
-/// The slaves of the settings in `file`.
-fn slaves(file: &Path) -> Result<Vec<SlaveSettings>, String> {
+fn settings_in(file: &Path) -> Result<Settings, String> {
     let named = |error: String| format!("{}: {error}", file.display());
     let text = fs::read_to_string(file).map_err(|error| named(error.to_string()))?;
-    Ok(settings::parse(&text).map_err(named)?.slaves.to_vec())
+    settings::parse(&text).map_err(named)
 }

@@ -48,6 +48,12 @@ impl<T: AsFd> Descriptor<T> {
         poll_fn(move |context| self.poll_read(context, &mut read))
     }
 
+    /// Waits until something has arrived since the last call, read or not.
+    pub(crate) fn arrival(&self) -> impl Future<Output = ()> {
+        let reading = self.registration.reading();
+        poll_fn(move |context| reading.poll_ready(context).map(|()| reading.block()))
+    }
+
     /// Reads from a stream socket or a tty into `buffer`. A short read means that the input is drained (epoll(7)), so the next read
     /// waits for an event and saves the EAGAIN.
     pub(crate) fn read_stream(&mut self, buffer: &mut [u8]) -> impl Future<Output = io::Result<usize>> {

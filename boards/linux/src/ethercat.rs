@@ -9,7 +9,7 @@ use std::io::{self, ErrorKind};
 use std::rc::Rc;
 
 use embassy_futures::join::join4;
-use embassy_futures::select::{Either, select};
+use embassy_futures::select::{Either3, select3};
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::signal::Signal;
 use embedded_hal_async::digital::Wait;
@@ -17,6 +17,7 @@ use ethercat_esc::frame::{FRAME_BYTES_MAX, is_whole};
 use ethercat_esc::interface::{Interface, InterfaceError};
 use ethercat_esc::{Chip, DirectPdi, Interrupt, Kind, SharedChip, SyncLine, SyncPin, now};
 use ethercat_subdevice::clocks::SyncSignals;
+use ethercat_subdevice::eoe::Eoe;
 use ethercat_subdevice::esc::{Esc, EscError};
 use mobgate::fieldbus::{EthercatState, FileBuffer, long_device, serve_long};
 use mobgate::gateway::Gateway;
@@ -26,28 +27,31 @@ use rustix::io::Errno;
 
 use crate::descriptor::Descriptor;
 use crate::hint;
+use crate::tap::TapLink;
 
 /// Runs the SubDevice while the settings of `gateway` name a network interface for it, with its files in `files`; never returns.
 pub async fn run(gateway: &Gateway<'_>, place: &EthercatState, files: &FileBuffer) -> ! {
     let link = Link {
         gateway,
-        chip: Rc::new(controller_of(false).into()),
-        modules: Cell::new(false),
+        chip: Rc::new(controller_of((false, false)).into()),
+        described: Cell::new((false, false)),
         fault: Cell::new(Some(NOT_OPEN)),
         opened: Signal::new(),
         lost: Signal::new(),
+        tap: TapLink::default(),
     };
     let mut interrupt = Interrupt::new(link.chip.clone());
     let attention = async || {
         // The line is infallible.
-        let _ = select(interrupt.wait_for_high(), link.lost.wait()).await;
+        let _ = select3(interrupt.wait_for_high(), link.lost.wait(), link.tap.arrival()).await;
     };
     let controller = Controller { link: &link, pdi: DirectPdi::new(link.chip.clone()) };
     // One for each run of the program.
     let signals: &SyncSignals = Box::leak(Box::new(SyncSignals::new()));
     let sync0 = note(SyncPin::new(link.chip.clone(), SyncLine::Sync0), || signals.sync0());
     let sync1 = note(SyncPin::new(link.chip.clone(), SyncLine::Sync1), || signals.sync1());
-    let device = serve_long(place, gateway.scanner(), files, controller, Some(signals), attention);
+    let ethernet = Eoe::new(&link.tap);
+    let device = serve_long(place, gateway.scanner(), files, ethernet, controller, Some(signals), attention);
     let (never, ..) = join4(device, link.carry(), sync0, sync1).await;
     never
 }
@@ -65,74 +69,93 @@ pub fn check(name: &str) -> Result<(), &'static str> {
     Interface::open(name).map(|_| ()).map_err(|error| reason(name, &error))
 }
 
-/// The gateway's controller; its EEPROM describes the device.
-fn controller_of(modules: bool) -> Chip {
+/// The gateway's controller; its EEPROM describes the device with or without modules, and Ethernet.
+fn controller_of((modules, ethernet): (bool, bool)) -> Chip {
     // The description is constant and covered by a test that reads it back.
-    Chip::with_sii(Kind::IP_CORE, long_device(modules))
+    Chip::with_sii(Kind::IP_CORE, long_device(modules, ethernet))
 }
 
 /// Initial fault.
 const NOT_OPEN: EscError = EscError::Unreachable("not opened yet");
 
+/// What the settings ask for.
+#[derive(PartialEq)]
+struct Wanted {
+    interface: InterfaceName,
+    modules: bool,
+    /// The TAP interface that carries a MainDevice's Ethernet frames.
+    ethernet: Option<InterfaceName>,
+}
+
 /// The controller and its network interface.
 struct Link<'g> {
     gateway: &'g Gateway<'g>,
     chip: SharedChip,
-    /// Whether the EEPROM describes the modular device.
-    modules: Cell<bool>,
+    /// Whether the EEPROM describes modules, and Ethernet.
+    described: Cell<(bool, bool)>,
     /// Why no frames arrive; `None` while the interface is open.
     fault: Cell<Option<EscError>>,
-    opened: Signal<NoopRawMutex, (InterfaceName, Descriptor<Interface>)>,
+    opened: Signal<NoopRawMutex, (Wanted, Descriptor<Interface>)>,
     lost: Signal<NoopRawMutex, ()>,
+    tap: TapLink,
 }
 
 impl Link<'_> {
+    /// What the settings ask for, if they name an interface.
+    fn wanted(&self) -> Option<Wanted> {
+        self.gateway.settings(|settings| {
+            let port = settings.ethercat()?;
+            let (interface, ethernet) = (port.interface.clone()?, port.ethernet.clone());
+            Some(Wanted { interface, modules: port.modules, ethernet })
+        })
+    }
+
     /// Waits for the settings to name an interface.
-    async fn named(&self) -> InterfaceName {
+    async fn named(&self) -> Wanted {
         loop {
-            if let Some(name) = self.gateway.ethercat_interface() {
-                return name;
+            if let Some(wanted) = self.wanted() {
+                return wanted;
             }
+            self.tap.close();
             self.gateway.new_ethercat_interface().await;
         }
     }
 
-    /// Opens the interface, and resets the controller.
+    /// Opens the interfaces, and resets the controller.
     async fn open(&self) -> Result<(), EscError> {
-        let name = self.named().await;
-        let opened = Interface::open(&name).and_then(|interface| Ok(Descriptor::new(interface)?));
-        let fault = opened.as_ref().err().map(|error| unreachable(&name, error));
-        self.fault.set(fault);
-        if let Ok(interface) = opened {
-            let modules = self.gateway.ethercat_modules();
+        let wanted = self.named().await;
+        let tap = self.tap.open(wanted.ethernet.as_deref());
+        let opened = tap.and_then(|()| open_interface(&wanted.interface)).map_err(EscError::Unreachable);
+        self.fault.set(opened.as_ref().err().copied());
+        opened.map(|interface| {
+            let device = (wanted.modules, wanted.ethernet.is_some());
             let mut chip = self.chip.borrow_mut();
-            if self.modules.replace(modules) != modules {
-                chip.eeprom = controller_of(modules).eeprom;
+            if self.described.replace(device) != device {
+                chip.eeprom = controller_of(device).eeprom;
             }
             chip.reset();
-            self.opened.signal((name, interface));
-        }
-        fault.map_or(Ok(()), Err)
+            self.opened.signal((wanted, interface));
+        })
     }
 
     /// Carries frames whenever the interface is open; never returns.
     async fn carry(&self) {
         loop {
-            let (name, interface) = self.opened.wait().await;
-            let fault = match select(self.pass_frames(interface), self.renamed(&name)).await {
-                Either::First(error) => unreachable(&name, &fault_of(error)),
-                Either::Second(()) => EscError::Unreachable("the settings name another interface, or device"),
+            let (wanted, interface) = self.opened.wait().await;
+            let ended = select3(self.pass_frames(interface), self.changed(&wanted), self.tap.lost()).await;
+            let why = match ended {
+                Either3::First(error) => reason(&wanted.interface, &fault_of(error)),
+                Either3::Second(()) => "the settings name another interface, or device",
+                Either3::Third(why) => why,
             };
-            self.fault.set(Some(fault));
+            self.fault.set(Some(EscError::Unreachable(why)));
             self.lost.signal(());
         }
     }
 
-    /// Waits until the settings name another interface than `name`, or none, or another device at it.
-    async fn renamed(&self, name: &InterfaceName) {
-        while self.gateway.ethercat_interface().as_ref() == Some(name)
-            && self.gateway.ethercat_modules() == self.modules.get()
-        {
+    /// Waits until the settings ask for something else: another interface or none, or another device at it.
+    async fn changed(&self, wanted: &Wanted) {
+        while self.wanted().as_ref() == Some(wanted) {
             self.gateway.new_ethercat_interface().await;
         }
     }
@@ -219,8 +242,9 @@ fn fault_of(error: io::Error) -> InterfaceError {
     }
 }
 
-fn unreachable(name: &str, error: &InterfaceError) -> EscError {
-    EscError::Unreachable(reason(name, error))
+fn open_interface(name: &str) -> Result<Descriptor<Interface>, &'static str> {
+    let opened = Interface::open(name).and_then(|interface| Ok(Descriptor::new(interface)?));
+    opened.map_err(|error| reason(name, &error))
 }
 
 /// Maps an error to a message for the user.

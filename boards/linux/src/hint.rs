@@ -54,6 +54,15 @@ pub(crate) fn raw_socket_denied() -> &'static str {
     ))
 }
 
+/// What to do if a TAP interface may not be made or set up. Includes what else an EtherCAT port needs, as above.
+pub(crate) fn tap_denied() -> &'static str {
+    keep(format!(
+        "a TAP interface needs CAP_NET_ADMIN: sudo setcap cap_net_admin,cap_net_raw,cap_net_bind_service=+ep {}; a service: see \
+         docs/ethercat-on-linux.md",
+        program().display()
+    ))
+}
+
 fn program() -> PathBuf {
     std::env::current_exe().unwrap_or_else(|_| "mobgate".into())
 }

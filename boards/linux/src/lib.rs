@@ -33,6 +33,7 @@ pub mod start;
 pub mod stdio;
 pub mod store;
 pub mod syslog;
+mod tap;
 pub mod tcp;
 pub mod tls;
 pub mod tty;

@@ -9,7 +9,7 @@ use ethercat_esc::frame::{Builder, FRAME_BYTES_MAX, datagrams};
 use ethercat_esc::interface::Interface;
 use mobgate::fieldbus::long_device;
 use mobgate_simulator::own_network::{
-    MASTER_END, SEGMENT_END, in_own_network, ip, lay_cable, python, start_master,
+    MASTER_END, SEGMENT_END, in_own_network, ip, lay_cable, python, start_master, start_master_with,
 };
 
 use common::{PATIENCE, Program, mobgate, output, wait_for, with_console};
@@ -95,7 +95,12 @@ impl MainDevice {
 
     /// The product code in the EEPROM.
     fn product(&self) -> u32 {
-        self.ask(Datagram::Bwr, EEPROM_ADDRESS, &0x0a_u32.to_le_bytes());
+        self.eeprom(0x0a)
+    }
+
+    /// Two words of the EEPROM.
+    fn eeprom(&self, word: u32) -> u32 {
+        self.ask(Datagram::Bwr, EEPROM_ADDRESS, &word.to_le_bytes());
         self.ask(Datagram::Bwr, EEPROM_CONTROL, &[0x00, 0x01]);
         wait_for("the EEPROM", || {
             (self.ask(Datagram::Brd, EEPROM_CONTROL, &[0; 2]).0[1] < 0x80).then_some(())
@@ -196,8 +201,7 @@ fn the_eeprom_is_that_of_the_device_with_or_without_modules_as_the_port_is_set()
         let program = with_console(ALONE);
         becomes(&program, "open");
         let master = MainDevice::new();
-        let fixed = long_device(false).identity.product;
-        let modular = long_device(true).identity.product;
+        let [fixed, modular] = [false, true].map(|modules| long_device(modules, false).identity.product);
         assert_ne!(fixed, modular);
         assert_eq!(master.product(), fixed);
         for (words, product) in [("modules", modular), ("no-modules", fixed), ("modules", modular)] {
@@ -253,6 +257,74 @@ fn without_the_right_to_a_raw_socket_it_says_which_one_is_missing() {
         let program = Program::by(&mut command, ALONE, &DEMO[1..]);
         program.logs("a raw socket needs CAP_NET_RAW: sudo setcap cap_net_raw,cap_net_bind_service=+ep");
         assert!(console(&program, "show ports").contains("failed (a raw socket needs CAP_NET_RAW"));
+    });
+}
+
+/// The demo's meter, by Modbus TCP and through EtherCAT.
+const METER_BY_ETHERNET: &str = "\
+port bus serial demo rtu client 19200 8E1
+port P502 tcp server 127.0.0.1:{port}
+port P1502 tcp server 1502
+port ecat ethercat interface ecs0 ethernet eoe0
+route P1502 * * * bus
+route ecat * * * bus
+slave 0 unit 1 input 0 count 10 read 100ms
+";
+
+#[test]
+fn mbpoll_reads_a_device_through_the_virtual_adapter_of_soemx_while_process_data_are_exchanged() {
+    let test = "mbpoll_reads_a_device_through_the_virtual_adapter_of_soemx_while_process_data_are_exchanged";
+    in_own_network(test, || {
+        let program = Program::with(METER_BY_ETHERNET, &DEMO);
+        becomes(&program, "open");
+        let read = "mbpoll -m tcp -p 1502 -a 1 -t 3 -0 -r 0 -c 10 -1 -o 5 10.7.0.2";
+        let words: Vec<String> = ["20", "10"].into_iter().chain(read.split(' ')).map(str::to_owned).collect();
+        let script = start_master_with("soemx", "adapter.py", &words).wait().unwrap();
+        assert!(script.success(), "the MainDevice's script: {script}\n{}", program.log());
+        program.logs("eoe0: addresses of the MainDevice: 10.7.0.2/24");
+    });
+}
+
+#[test]
+fn a_tap_interface_is_made_and_ends_as_the_settings_say_and_a_missing_right_is_named() {
+    let test = "a_tap_interface_is_made_and_ends_as_the_settings_say_and_a_missing_right_is_named";
+    in_own_network(test, || {
+        let exists = |name: &str| fs::read_to_string("/proc/net/dev").unwrap().contains(&format!("{name}:"));
+        let program = with_console(ALONE);
+        becomes(&program, "open");
+        let master = MainDevice::new();
+        for (words, tap) in
+            [("ethernet eoe0", Some("eoe0")), ("ethernet eoe1", Some("eoe1")), ("ethernet none", None)]
+        {
+            assert!(console(&program, &format!("edit port ecat {words}")).is_empty());
+            wait_for(words, || {
+                let found = ["eoe0", "eoe1"].map(exists);
+                (found == ["eoe0", "eoe1"].map(|name| Some(name) == tap)).then_some(())
+            });
+            // The mailbox protocols in the EEPROM: EoE, CoE and FoE.
+            let protocols = if tap.is_some() { 0x0e } else { 0x0c };
+            wait_for(words, || (master.eeprom(0x1c) & 0xff == protocols).then_some(()));
+            becomes(&program, "open");
+        }
+        assert!(console(&program, "edit port ecat ethernet lo").is_empty());
+        becomes(&program, "failed (lo is not a TAP interface: name another one)");
+        drop(program);
+
+        let without_the_right = |tap: &str| {
+            let mut command = Command::new("setpriv");
+            command.args(["--bounding-set", "-net_admin", env!("CARGO_BIN_EXE_mobgate")]);
+            Program::by(&mut command, &ALONE.replace("ecs0", &format!("ecs0 ethernet {tap}")), &DEMO[1..])
+        };
+        let program = without_the_right("eoe0");
+        program.logs("a TAP interface needs CAP_NET_ADMIN: sudo setcap cap_net_admin,cap_net_raw");
+        assert!(console(&program, "show ports").contains("failed (a TAP interface needs CAP_NET_ADMIN"));
+        drop(program);
+
+        // One that was made for the program's user.
+        ip("tuntap add dev eoe2 mode tap user 0");
+        let program = without_the_right("eoe2");
+        program.logs("eoe2: the MAC address stays as it is: a TAP interface needs CAP_NET_ADMIN");
+        becomes(&program, "open");
     });
 }
 

@@ -115,6 +115,10 @@ fn write_device<W: Write>(xml: &mut Xml<'_, W>, device: &Device, slots: Option<&
         device.described_pdos(channel).try_for_each(|pdo| write_pdo(xml, device, name, channel, pdo))?;
     }
     xml.within("Mailbox", format_args!(" DataLinkLayer=\"true\""), |xml| {
+        if device.ethernet {
+            // IP settings and a MAC address can be set; times are not told.
+            xml.empty("EoE", format_args!(" IP=\"true\" MAC=\"true\""))?;
+        }
         let has_history = device.object(0x10f3).is_some();
         let coe = format_args!("{} SegmentedSdo=\"true\" DiagHistory=\"{has_history}\"", CoeDetails(device));
         match slots.map_or(&[][..], |slots| slots.start_up) {

@@ -28,7 +28,7 @@ pub use settings::{IpSettings, NAME_BYTES_MAX};
 /// Shortest mailbox that carries frames: both headers, and the smallest fragment.
 pub const MAILBOX_BYTES_MIN: u16 = 42;
 
-/// The kinds of messages (ETG.1000.6, table 94). A response's number is that of its request and 1.
+/// The kinds of messages (ETG.1000.6, table 94). A response's number is that of its request and 1; that to a fragment tells a time.
 const FRAGMENT: u8 = 0;
 const SET_IP: u8 = 2;
 const SET_FILTER: u8 = 4;
@@ -82,7 +82,10 @@ impl<L: Link> Eoe<L> {
     }
 
     fn set_ip(&mut self, body: &[u8], port: u8) -> Result<Payload, MailboxError> {
-        let set = IpSettings::decode(body)?.and_then(|settings| self.link.configure(&settings));
+        let set = IpSettings::decode(body)?.and_then(|settings| match settings.are_valid() {
+            true => self.link.configure(&settings),
+            false => Err(EthernetError::Unspecified),
+        });
         let result = set.err().map_or(0, |error| error as u16);
         Ok(Header::response(SET_IP, port, result).message(&[]))
     }
@@ -109,7 +112,11 @@ impl<L: Link> Ethernet for Eoe<L> {
                 if let Some(frame) = self.incoming.take(header, body, now) {
                     self.link.receive(frame);
                 }
-                return Ok(None);
+                // When the network passes it on is not known.
+                if !(header.is_last() && header.asks_time()) {
+                    return Ok(None);
+                }
+                Header::response(FRAGMENT, port, EthernetError::UnsupportedFrameType as u16).message(&[])
             }
             SET_IP => self.set_ip(body, port)?,
             GET_IP => self.get_ip(port, room),
@@ -133,6 +140,7 @@ impl<L: Link> Ethernet for Eoe<L> {
     fn start(&mut self) {
         self.incoming.drop_partial();
         self.outgoing.drop_partial();
+        self.link.start();
     }
 }
 

@@ -11,7 +11,7 @@ use crate::fieldbus::config_error::ConfigError;
 use crate::fieldbus::keeping::Keep;
 use crate::fieldbus::objects::REASON_BYTES;
 
-impl<F> GatewayObjects<'_, F> {
+impl<F, N> GatewayObjects<'_, F, N> {
     /// Checks the configuration; records the reason if it is refused.
     pub(super) fn check_configuration(&mut self) -> Result<(), Abort> {
         let checked = self.shared.check().map(|_| ());

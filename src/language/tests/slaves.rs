@@ -124,6 +124,11 @@ fn what_is_wrong_with_the_port_is_said() {
             "column 17: \"on-los\": expected interface, line, on-loss, id, modules, emergencies",
         ),
         ("port X ethercat on-los stop", "; did you mean on-loss?"),
+        #[cfg(feature = "eoe")]
+        (
+            "port X ethercat ethernet sixteen-letters0",
+            "column 26: \"sixteen-letters0\": expected a network interface such as eth1, at most 15 characters",
+        ),
         ("port X ethercat id 0", "column 20: \"0\": expected alias, or an id from 1 to 65535"),
     ];
     for (line, expected) in cases {

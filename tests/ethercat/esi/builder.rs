@@ -152,6 +152,7 @@ fn general(device: Node<'_, '_>, strings: &mut Strings) -> Vec<u8> {
     let offered = details.iter().filter(|(attribute, _)| is_set(coe, attribute));
     general[0x05] = 1 + offered.map(|(_, bit)| bit).sum::<u8>();
     general[0x06] = u8::from(child(mailbox, "FoE").is_some());
+    general[0x07] = u8::from(child(mailbox, "EoE").is_some());
     let identified = child(device, "Info").is_some_and(|info| text(info, "IdentificationReg134") == "true");
     general[0x0b] = u8::from(is_set(mailbox, "DataLinkLayer")) << 2 | u8::from(identified) << 3;
     let physics = device.attribute("Physics").unwrap().chars().enumerate();

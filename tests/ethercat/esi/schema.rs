@@ -117,7 +117,8 @@ InfoItem = Name:Text Info:@ObjectInfo
 Flags = Access?:ro|rw|wo Category?:m|o|c PdoMapping?:T|R|TR|RT
 Pdo Fixed?:Bool Mandatory?:Bool Sm?:Integer = Index:HexDec Name+:Text Exclude*:HexDec Entry*:@Entry
 Entry = Index:HexDec SubIndex?:HexDec BitLen:Integer Name*:Text Comment?:Text DataType?:Text
-Mailbox DataLinkLayer?:Bool = CoE?:@CoE FoE?:@FoE
+Mailbox DataLinkLayer?:Bool = EoE?:@EoE CoE?:@CoE FoE?:@FoE
+EoE IP?:Bool MAC?:Bool TimeStamp?:Bool =
 CoE SdoInfo?:Bool PdoAssign?:Bool PdoConfig?:Bool PdoUpload?:Bool CompleteAccess?:Bool SegmentedSdo?:Bool
     DiagHistory?:Bool = InitCmd*:@InitCmd
 InitCmd = Transition+:IP|PS|SO|SP|OP|OS Index:HexDec SubIndex:HexDec Data:Hex Comment?:Text

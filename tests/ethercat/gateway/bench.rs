@@ -113,7 +113,7 @@ pub(crate) fn with_long_wire(
     devices: Vec<Device>,
     script: impl AsyncFnOnce(Dispatcher<'_>, &Gateway<'_>),
 ) {
-    let device = long_device(settings.contains(MODULES));
+    let device = long_device(settings.contains(MODULES), false);
     let segment = line_of_kind(kind, device);
     let size = Size { ethercat: EthercatState::long, ..size() };
     with_gateway_on(Clock::Virtual, size, 1, settings, |world, rig| {

@@ -1,10 +1,11 @@
 //! A controller that is not there, comes, and goes, as the gateway's port shows it; and what is read of it, as the port is set.
 
+use ethercat_subdevice::eoe::{Eoe, EthernetError, FRAME_BYTES_MAX, IpSettings, Link, NoEthernet};
 use ethercat_subdevice::foe::NoFiles;
 use ethercat_subdevice::lan9252::Lan9252 as Driver;
-use mobgate::fieldbus::{Controller, LONG_DEVICE, serve, serve_long};
+use mobgate::fieldbus::{Controller, LONG_DEVICE, long_device, serve, serve_long};
 use mobgate::gateway::Status;
-use mobgate_simulator::esc::SharedSegment;
+use mobgate_simulator::esc::{MainDevice, SharedSegment};
 use mobgate_simulator::rig::{Rig, Size, with_gateway_on};
 use mobgate_simulator::sub_device::line_of_kind;
 use mobgate_simulator::world::Clock;
@@ -111,8 +112,8 @@ fn the_setting_modules_makes_a_gateway_with_long_images_the_modular_one_with_lon
         let line = line_of_kind(Kind::IP_CORE, &LONG);
         let (esc, mut interrupt) = direct(line.borrow().chip(0));
         world.spawn(async move {
-            serve_long(place, None, NoFiles, esc, None, async || interrupt.wait_for_high().await.unwrap())
-                .await;
+            let attention = async || interrupt.wait_for_high().await.unwrap();
+            serve_long(place, None, NoFiles, NoEthernet, esc, None, attention).await;
         });
         world.run_for(Duration::from_secs(2));
         let fixed = LONG.identity.product;
@@ -127,13 +128,68 @@ fn the_setting_modules_makes_a_gateway_with_long_images_the_modular_one_with_lon
     });
 }
 
+/// A network that has no frames.
+struct Silent;
+
+impl Link for Silent {
+    fn receive(&mut self, _frame: &[u8]) {}
+
+    fn transmit(&mut self, _into: &mut [u8; FRAME_BYTES_MAX]) -> Option<usize> {
+        None
+    }
+
+    fn settings(&mut self) -> Result<IpSettings, EthernetError> {
+        Ok(IpSettings::default())
+    }
+}
+
+#[test]
+fn the_setting_ethernet_makes_it_a_device_that_offers_it_at_once_also_with_modules() {
+    let size = Size { ethercat: EthercatState::long, ethercat_interfaces: true, ..Size::default() };
+    let settings = SETTINGS.replace("line bus", "line bus interface eth1");
+    with_gateway_on(Clock::Virtual, size, 1, &settings, |world, rig| {
+        let place = rig.gateway.ethercat().unwrap();
+        let chip = line_of_kind(Kind::IP_CORE, long_device(false, false)).borrow().chip(0);
+        let (esc, mut interrupt) = direct(chip.clone());
+        world.spawn(async move {
+            let attention = async || interrupt.wait_for_high().await.unwrap();
+            serve_long(place, None, NoFiles, Eoe::new(Silent), esc, None, attention).await;
+        });
+        for (words, offered) in [
+            ("on-loss stop", false),
+            ("ethernet eoe0", true),
+            ("modules", true),
+            ("ethernet none", false),
+            ("ethernet eoe1 no-modules", true),
+        ] {
+            rig.console(&format!("edit port ecat {words}")).unwrap();
+            world.run_for(Duration::from_millis(200));
+            let device = long_device(words == "modules" || words == "ethernet none", offered);
+            let mut master = MainDevice::new(chip.clone(), device);
+            let message = world.run_until(async {
+                master.bring_to(AlState::PreOp).await.unwrap();
+                // "Get IP" and its response, or the mailbox's error 2.
+                let mut request = [0; 128];
+                request[..10].copy_from_slice(&[4, 0, 0, 0, 0, 0x12, 6, 1, 0, 0]);
+                master.write(device.memory.start(Channel::MailboxOut), &request).await.unwrap();
+                Timer::after_millis(5).await;
+                master.read(device.memory.start(Channel::MailboxIn), 128).await.unwrap()
+            });
+            let expected = if offered { (2, [7, 1, 0, 0]) } else { (0, [1, 0, 2, 0]) };
+            assert_eq!((message[5] & 0x0f, message[6..10].try_into().unwrap()), expected, "{words}");
+        }
+    });
+}
+
 #[test]
 fn a_board_with_a_controller_takes_no_network_interface() {
     with_gateway(1, SETTINGS, |_, rig| {
-        let refused = rig.console("edit port ecat interface eth1").unwrap_err();
-        let expected =
-            "the EtherCAT controller is wired to this board: there is no network interface to choose";
-        assert_eq!(refused, expected);
+        for words in ["interface eth1", "ethernet eoe0"] {
+            let refused = rig.console(&format!("edit port ecat {words}")).unwrap_err();
+            let expected =
+                "the EtherCAT controller is wired to this board: there is no network interface to choose";
+            assert_eq!(refused, expected);
+        }
         assert_eq!(rig.gateway.settings(|settings| settings.ethercat().unwrap().interface.clone()), None);
     });
 }

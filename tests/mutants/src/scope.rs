@@ -57,6 +57,7 @@ pub(crate) const FEATURES: &[&str] = &[
     "audit",
     "candidate",
     "capture",
+    "eoe",
     "files",
     "ipv6",
     "long-images",

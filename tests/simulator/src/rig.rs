@@ -45,6 +45,8 @@ pub struct Size {
     pub opening: Duration,
     /// Makes its EtherCAT side.
     pub ethercat: fn() -> EthercatState,
+    /// Whether that is at a network interface of the settings, as on Linux.
+    pub ethercat_interfaces: bool,
     /// Whether its settings have the network's, as on a board.
     pub owns_network: bool,
 }
@@ -54,8 +56,18 @@ impl Default for Size {
     fn default() -> Self {
         let [late_reads, rests, opening] = [Duration::from_ticks(0); 3];
         let ethercat = EthercatState::new;
-        let (frames, connections, gathers, owns_network) = (128, 80, false, false);
-        Self { frames, connections, late_reads, rests, gathers, opening, ethercat, owns_network }
+        let [gathers, ethercat_interfaces, owns_network] = [false; 3];
+        Self {
+            frames: 128,
+            connections: 80,
+            late_reads,
+            rests,
+            gathers,
+            opening,
+            ethercat,
+            ethercat_interfaces,
+            owns_network,
+        }
     }
 }
 
@@ -117,7 +129,11 @@ pub fn with_gateway_on<T>(
     let build = || {
         let gateway = Gateway::new(&pool, &places, &connections).with_candidate(&candidate);
         let gateway = gateway.with_audit(&audit);
-        let gateway = gateway.with_scanner(&scanner).with_capture(&capture).with_ethercat(&ethercat);
+        let gateway = gateway.with_scanner(&scanner).with_capture(&capture);
+        let gateway = match size.ethercat_interfaces {
+            true => gateway.with_ethercat_interfaces(&ethercat),
+            false => gateway.with_ethercat(&ethercat),
+        };
         Box::new(if size.owns_network { gateway.with_own_network() } else { gateway })
     };
     let gateway = build();

@@ -19,7 +19,7 @@ use smoltcp::wire::{
     TcpControl, TcpPacket, TcpRepr, TcpSeqNumber,
 };
 
-const MTU: usize = 1514;
+pub(crate) const MTU: usize = 1514;
 /// Packets that a host's controller has room for.
 const PACKETS: usize = 32;
 /// A busy host looks after its packets so often.
@@ -101,8 +101,9 @@ pub(crate) fn wired(
 
 type Ends = (RxRunner<'static, MTU>, TxRunner<'static, MTU>);
 
-fn host(
-    world: &World<'static>,
+/// A host with a pool of sockets, and the end of its cable.
+pub(crate) fn host(
+    world: &World<'_>,
     address: Ipv4Address,
     sockets: usize,
     is_busy: Rc<Cell<bool>>,

@@ -4,3 +4,4 @@ mod backlog;
 mod cable;
 mod mdns;
 mod sockets;
+mod through_ethercat;

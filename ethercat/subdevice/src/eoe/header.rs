@@ -10,6 +10,7 @@ pub(super) const UNIT_BYTES: usize = 32;
 /// Bits of the first word, behind the kind and the port.
 const LAST: u16 = 1 << 8;
 const TIME_APPENDED: u16 = 1 << 9;
+const TIME_REQUESTED: u16 = 1 << 10;
 
 /// Both words.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -62,6 +63,11 @@ impl Header {
     /// Whether a time stands behind the frame's last byte.
     pub(super) const fn has_time(self) -> bool {
         self.info & TIME_APPENDED != 0
+    }
+
+    /// Whether the sender wants to know when its frame was passed on.
+    pub(super) const fn asks_time(self) -> bool {
+        self.info & TIME_REQUESTED != 0
     }
 
     /// The fragment's number in its frame.

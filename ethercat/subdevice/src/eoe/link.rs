@@ -15,6 +15,9 @@ pub trait Link {
     /// Writes the next frame for the MainDevice into `into`, and returns its length. `None` if there is none.
     fn transmit(&mut self, into: &mut [u8; FRAME_BYTES_MAX]) -> Option<usize>;
 
+    /// The mailboxes start anew: what waits may be for a MainDevice of long ago.
+    fn start(&mut self) {}
+
     /// Applies the settings that are there, or none of them.
     fn configure(&mut self, _settings: &IpSettings) -> Result<(), EthernetError> {
         Err(EthernetError::NoIpSupport)

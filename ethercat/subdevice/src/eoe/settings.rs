@@ -25,7 +25,7 @@ const NAME: u8 = 0x20;
 pub struct IpSettings {
     /// Its MAC address.
     pub mac: Option<[u8; 6]>,
-    /// Its IP address.
+    /// Its IP address; 0.0.0.0 is none.
     pub address: Option<Ipv4Addr>,
     /// The network mask.
     pub mask: Option<Ipv4Addr>,
@@ -78,6 +78,19 @@ impl IpSettings {
             dns_server: ip(dns_server),
             name,
         }))
+    }
+
+    /// Whether each address can be a device's: not a group's, and no mask with holes.
+    pub(super) fn are_valid(&self) -> bool {
+        let is_single = |ip: Ipv4Addr| !ip.is_multicast() && !ip.is_broadcast();
+        let has_no_holes = |mask: Ipv4Addr| {
+            let host = !mask.to_bits();
+            host & host.wrapping_add(1) == 0
+        };
+        self.mac.is_none_or(|[first, ..]| first & 1 == 0)
+            && self.address.is_none_or(is_single)
+            && self.gateway.is_none_or(is_single)
+            && self.mask.is_none_or(has_no_holes)
     }
 
     /// The body of a response of `room` bytes at most. All addresses are in it, so that it is the same with and without gaps, and

@@ -20,6 +20,7 @@ struct Net {
     waiting: VecDeque<Vec<u8>>,
     settings: IpSettings,
     refuses: Option<EthernetError>,
+    starts: usize,
 }
 
 impl Link for Net {
@@ -31,6 +32,10 @@ impl Link for Net {
         let frame = self.waiting.pop_front()?;
         into[..frame.len()].copy_from_slice(&frame);
         Some(frame.len())
+    }
+
+    fn start(&mut self) {
+        self.starts += 1;
     }
 
     fn configure(&mut self, settings: &IpSettings) -> Result<(), EthernetError> {
@@ -151,12 +156,15 @@ fn a_frame_whose_next_fragment_is_late_is_dropped() {
 }
 
 #[test]
-fn a_time_behind_a_frame_is_cut_off_and_one_that_is_wanted_is_not_given() {
+fn a_time_behind_a_frame_is_cut_off_and_one_that_is_wanted_is_refused() {
     let mut eoe = eoe();
     let mut message = fragment(true, 0, 2, 1, &content(44, 0));
     message[1] |= 2;
     take(&mut eoe, &message, NOW);
-    message[1] = 1 | 4;
+    (message[0], message[1]) = (0x20, 1 | 4);
+    assert_eq!(ask(&mut eoe, &message), [0x21, 1, 2, 0]);
+    // The last fragment asks for the whole frame.
+    message[1] = 4;
     take(&mut eoe, &message, NOW);
     // Its time is not all there.
     take(&mut eoe, &[0, 3, 64, 0, 1, 2, 3], NOW);
@@ -212,6 +220,7 @@ fn a_start_drops_what_is_not_complete() {
     take(&mut eoe, &fragment(false, 0, 3, 1, &content(64, 0)), NOW);
     assert!(eoe.next(ROOM).is_some());
     eoe.start();
+    assert_eq!(eoe.link.starts, 1, "the link hears of it");
     take(&mut eoe, &fragment(true, 1, 2, 1, &content(20, 0)), NOW);
     assert_eq!(eoe.link.received.len(), 0);
     assert_eq!(eoe.next(ROOM).unwrap()[4..], content(30, 0));
@@ -274,6 +283,26 @@ fn a_name_may_end_early() {
     assert_eq!(ask(&mut eoe, b"\x02\x01\0\0\x20\0\0\0box"), [3, 1, 0, 0]);
     assert_eq!(eoe.link.settings.name.as_deref(), Some("box"));
     assert_eq!(ask(&mut eoe, b"\x02\x01\0\0\x20\0\0\0b\xff"), [3, 1, 1, 0]);
+}
+
+#[test]
+fn what_is_no_devices_address_is_refused() {
+    for (flags, field) in [
+        (0x01, &[1, 0, 0, 0, 0, 1][..]),
+        (0x02, &[1, 0, 0, 224]),
+        (0x02, &[255; 4]),
+        (0x04, &[0, 255, 0, 255]),
+        (0x08, &[1, 0, 0, 239]),
+    ] {
+        let mut eoe = eoe();
+        let message = [&[2, 1, 0, 0, flags, 0, 0, 0], field].concat();
+        assert_eq!(ask(&mut eoe, &message), [3, 1, 1, 0], "{field:?}");
+        assert_eq!(eoe.link.settings, IpSettings::default());
+    }
+    // All networks, and none.
+    for mask in [[0; 4], [255; 4]] {
+        assert_eq!(ask(&mut eoe(), &[&[2, 1, 0, 0, 4, 0, 0, 0][..], &mask].concat()), [3, 1, 0, 0]);
+    }
 }
 
 #[test]

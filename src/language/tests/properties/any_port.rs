@@ -353,9 +353,11 @@ pub(super) fn any_ethercat() -> impl Strategy<Value = PortKind> {
     let id = prop::option::of(1..=u16::MAX);
     let files = prop_oneof![Just(FileRights::Off), Just(FileRights::Read), Just(FileRights::Write)]
         .prop_map(|files| if cfg!(feature = "files") { files } else { FileRights::Off });
-    (interface, on_loss, line, any::<bool>(), id, any::<bool>(), any::<bool>(), files).prop_map(
-        |(interface, on_loss, line, prove_outputs, id, emergencies, modules, files)| {
-            let interface = interface.map(|name| name.as_str().try_into().unwrap());
+    let interfaces = [interface.clone(), interface];
+    (interfaces, on_loss, line, any::<bool>(), id, any::<bool>(), any::<bool>(), files).prop_map(
+        |(interfaces, on_loss, line, prove_outputs, id, emergencies, modules, files)| {
+            let [interface, _ethernet] =
+                interfaces.map(|name| name.map(|name| name.as_str().try_into().unwrap()));
             let line = line.map(|name| Name::try_from(name.as_str()).unwrap());
             PortKind::Ethercat(EthercatSettings {
                 interface,
@@ -366,6 +368,8 @@ pub(super) fn any_ethercat() -> impl Strategy<Value = PortKind> {
                 emergencies,
                 modules,
                 files,
+                #[cfg(feature = "eoe")] // As its word.
+                ethernet: _ethernet,
                 // Only asked for with points.
                 ..EthercatSettings::new().unwrap()
             })

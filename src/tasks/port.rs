@@ -63,9 +63,6 @@ impl Gateway<'_> {
                         select(port_state.changed.wait(), select(dispatcher.receive_requests(), part)).await;
                         dispatcher.close();
                         port_state.sockets.iter().for_each(|socket| self.socket_closed(socket));
-                        // A device that has just connected, by the settings before. Other images have none.
-                        #[cfg(feature = "dial-in")]
-                        let _ = embassy_futures::poll_once(connector.handed_over(id));
                     }
                 }
             }

@@ -8,6 +8,7 @@
 
 use core::pin::pin;
 
+use embassy_futures::poll_once;
 use embassy_futures::select::{Either, select};
 
 use crate::hal::{TcpConnect, TcpStream};
@@ -15,11 +16,23 @@ use crate::port::client::connection::{End, TcpConnection};
 use crate::port::client::dispatcher::Dispatcher;
 use crate::port::client::tcp::ID_STRIDE;
 use crate::port::timer::outlined;
-use crate::settings::{Endpoint, TcpClientSettings};
+use crate::settings::{Endpoint, PortId, TcpClientSettings};
 use crate::stats::Event;
 
 /// The only connection, to the only server.
 const CONNECTION: (u8, usize) = (0, 0);
+
+/// Lets a connection fall that still waits when the port has begun and ends: it was accepted by settings that are no longer in force.
+struct Last<'c, C: TcpConnect> {
+    connector: &'c C,
+    port: PortId,
+}
+
+impl<C: TcpConnect> Drop for Last<'_, C> {
+    fn drop(&mut self) {
+        let _ = poll_once(self.connector.handed_over(self.port));
+    }
+}
 
 /// Serves the dispatcher's requests forever.
 pub(crate) async fn run<C: TcpConnect>(
@@ -29,6 +42,7 @@ pub(crate) async fn run<C: TcpConnect>(
 ) -> ! {
     let port_state = dispatcher.port_state().state();
     let [socket, ..] = &port_state.sockets;
+    let _last = Last { connector, port: dispatcher.id() };
     dispatcher.close();
     let mut first_id = ID_STRIDE;
     let mut next = None;

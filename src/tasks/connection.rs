@@ -8,7 +8,7 @@ use embassy_futures::select::select;
 use crate::gateway::Gateway;
 use crate::hal::TcpHost;
 #[cfg(feature = "dial-in")]
-use crate::port::server::dial_in::Lobby;
+use crate::port::server::dial_in::Acceptor;
 use crate::port::server::tcp::{self, Terms};
 
 impl Gateway<'_> {
@@ -21,9 +21,9 @@ impl Gateway<'_> {
             loop {
                 // Others have no ports whose devices connect.
                 #[cfg(feature = "dial-in")]
-                if let Some(lobby) = Lobby::of(self, connection) {
-                    select(connection.changed.wait(), lobby.run(host)).await;
-                    lobby.left();
+                if let Some(acceptor) = Acceptor::of(self, connection) {
+                    select(connection.changed.wait(), acceptor.run(host)).await;
+                    acceptor.left();
                     continue;
                 }
                 let served = connection.state().port.and_then(|id| {

@@ -23,7 +23,7 @@ use crate::stats::Event;
 const FIRST_BYTES_WITHIN: Duration = Duration::from_secs(10);
 
 /// One slot for devices that have just connected.
-pub(crate) struct Lobby<'s, 'g> {
+pub(crate) struct Acceptor<'s, 'g> {
     gateway: &'s Gateway<'g>,
     id: PortId,
     port_state: &'s PortState,
@@ -31,7 +31,7 @@ pub(crate) struct Lobby<'s, 'g> {
     connection: &'s Connection,
 }
 
-impl<'s, 'g> Lobby<'s, 'g> {
+impl<'s, 'g> Acceptor<'s, 'g> {
     /// For the slot `connection`, if it is that of a client port that listens.
     pub(crate) fn of(gateway: &'s Gateway<'g>, connection: &'s Connection) -> Option<Self> {
         let id = connection.state().port?;

@@ -123,7 +123,7 @@ pub enum Make {
     },
     /// Write the description for EtherCAT tools (ESI) to FILE
     Esi {
-        /// Also describe each slave of the settings in FILE as a module, and EoE if the port has `ethernet`
+        /// Also describe slaves and EoE of the settings in FILE
         #[arg(long, value_name = "FILE")]
         config: Option<PathBuf>,
         /// Output file

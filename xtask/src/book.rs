@@ -43,16 +43,23 @@ pub(crate) fn make(check: bool) -> Outcome {
     built("target/book/index.html")
 }
 
-/// Copies docs/ for mdBook, which sees no other files: links to those are pointed at the repository.
+/// Copies docs/ for mdBook, which sees no other files: links from there to those are pointed at the repository.
 fn stage() -> Outcome {
-    let fault = |error: std::io::Error| format!("target/docs: {error}");
-    let to = root().join("target/docs");
-    std::fs::create_dir_all(&to).map_err(fault)?;
-    for file in root().join("docs").read_dir().map_err(fault)? {
+    copy(&root().join("docs"), &root().join("target/docs"), "](../")?;
+    copy(&root().join("docs/examples"), &root().join("target/docs/examples"), "](../../")
+}
+
+/// Copies the files in the folder `from`, from where links out of docs/ begin with `out`.
+fn copy(from: &Path, to: &Path, out: &str) -> Outcome {
+    let fault = |error: std::io::Error| format!("{}: {error}", to.display());
+    std::fs::create_dir_all(to).map_err(fault)?;
+    for file in from.read_dir().map_err(fault)? {
         let file = file.map_err(fault)?.path();
-        let text =
-            std::fs::read_to_string(&file).map_err(fault)?.replace("](../", &format!("]({REPOSITORY}/"));
-        std::fs::write(to.join(file.file_name().unwrap_or_default()), text).map_err(fault)?;
+        if file.is_file() {
+            let text = std::fs::read_to_string(&file).map_err(fault)?;
+            let text = text.replace(out, &format!("]({REPOSITORY}/"));
+            std::fs::write(to.join(file.file_name().unwrap_or_default()), text).map_err(fault)?;
+        }
     }
     Ok(())
 }
@@ -70,8 +77,8 @@ fn documents() -> Outcome<Vec<PathBuf>> {
 fn not_in_the_summary(texts: &HashMap<PathBuf, Document>) -> Outcome<Vec<String>> {
     let summary = root().join("docs/SUMMARY.md");
     let listed = &texts.get(&summary).ok_or("docs/SUMMARY.md is missing")?.links;
-    let docs = texts.keys().filter(|file| file.parent() == summary.parent() && **file != summary);
-    let names = docs.filter_map(|file| file.file_name()?.to_str());
+    let docs = texts.keys().filter(|file| **file != summary);
+    let names = docs.filter_map(|file| file.strip_prefix(root().join("docs")).ok()?.to_str());
     let missing = names.filter(|name| !listed.iter().any(|(_, link)| link == name));
     Ok(missing.map(|name| format!("docs/SUMMARY.md: lacks {name}")).collect())
 }

@@ -19,16 +19,15 @@ mod common;
 /// Options of the demo's bus behind settings of a test's own, with a console.
 const DEMO: [&str; 5] = ["--demo", "--config", "{folder}/mobgate.conf", "--socket", "{folder}/console"];
 
-/// The demo's meter and relays behind the process image of a SubDevice at the cable.
-const METER_AND_RELAYS: &str = "\
-port bus serial demo rtu client 19200 8E1
-port P502 tcp server 127.0.0.1:{port}
-port ecat ethercat interface ecs0
-route P502 * * * bus
-route ecat * * * bus
-slave 0 unit 1 input 0 count 10 read 100ms
-slave 1 unit 2 coil 0 count 8 read 100ms
-";
+/// The settings of the documents' example, with the demo's meter and relays, at the cable.
+fn meter_and_relays() -> String {
+    let text = include_str!("../../../docs/examples/ethercat-cell.md");
+    let settings = text.split("```").find_map(|block| block.strip_prefix("settings\n")).unwrap();
+    settings
+        .replace("/dev/ttyUSB0", "demo")
+        .replace("tcp server 502", "tcp server 127.0.0.1:{port}")
+        .replace("interface eth1", "interface ecs0")
+}
 
 /// The hash of a password.
 const HASH: &str =
@@ -112,7 +111,7 @@ impl MainDevice {
 #[test]
 fn pysoem_reads_and_writes_devices_by_process_data_and_saves() {
     in_own_network("pysoem_reads_and_writes_devices_by_process_data_and_saves", || {
-        let program = Program::with(METER_AND_RELAYS, &DEMO);
+        let program = Program::with(&meter_and_relays(), &DEMO);
         assert!(console(&program, "edit port ecat on-loss clear").is_empty());
         let script = start_master("linux.py", &["save".to_owned()]).wait().unwrap();
         assert!(script.success(), "the MainDevice's script: {script}\n{}", program.log());
@@ -128,7 +127,7 @@ fn pysoem_reads_and_writes_devices_by_process_data_and_saves() {
 fn pysoem_reads_the_settings_changes_a_rule_and_writes_them_back() {
     in_own_network("pysoem_reads_the_settings_changes_a_rule_and_writes_them_back", || {
         let user = format!("user anna role engineer password \"{HASH}\"\n");
-        let settings = METER_AND_RELAYS.replace("ecs0\n", "ecs0 files write\n");
+        let settings = meter_and_relays().replace("ecs0\n", "ecs0 files write\n");
         let settings = user + &settings.replace("route ecat * ", "# by hand\nroute ecat 1-247 ");
         let program = Program::with(&settings, &DEMO);
         let document = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/ethercat.md");
@@ -151,7 +150,7 @@ fn pysoem_exchanges_images_that_a_controller_of_4_kib_would_not_hold() {
     in_own_network("pysoem_exchanges_images_that_a_controller_of_4_kib_would_not_hold", || {
         // Between meter and relays, whom nobody responds for: 600 bytes each way.
         let silent = "slave 1 unit 9 holding 0 count 300 read 1h\nslave 2 ";
-        let program = Program::with(&METER_AND_RELAYS.replace("slave 1 ", silent), &DEMO);
+        let program = Program::with(&meter_and_relays().replace("slave 1 ", silent), &DEMO);
         let script = start_master("linux.py", &["long".to_owned()]).wait().unwrap();
         assert!(script.success(), "the MainDevice's script: {script}\n{}", program.log());
     });

@@ -1,4 +1,4 @@
-//! Fenced blocks of README.md and docs/*.md, with what the comment above them adds that readers need not see:
+//! Fenced blocks of README.md, docs/*.md and docs/examples/*.md, with what the comment above them adds that readers need not see:
 //!
 //! ```text
 //! <!-- with
@@ -22,7 +22,8 @@ pub(crate) struct Block {
 
 /// All blocks that have this tag; `root` is the repository.
 pub(crate) fn blocks(root: &Path, tag: &str) -> Vec<Block> {
-    let docs = root.join("docs").read_dir().unwrap().map(|entry| entry.unwrap().path());
+    let in_folder = |name| root.join(name).read_dir().unwrap().map(|entry| entry.unwrap().path());
+    let docs = in_folder("docs").chain(in_folder("docs/examples"));
     let mut files: Vec<_> = docs.chain([root.join("README.md")]).collect();
     files.retain(|file| file.extension().is_some_and(|extension| extension == "md"));
     files.sort();

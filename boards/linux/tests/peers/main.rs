@@ -10,6 +10,7 @@ mod authority;
 mod cable;
 #[path = "../common/mod.rs"]
 mod common;
+mod examples;
 mod https;
 mod lines;
 mod mbpoll;

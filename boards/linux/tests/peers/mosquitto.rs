@@ -35,6 +35,9 @@ struct Registers {
     served: BTreeMap<u16, SystemTime>,
     /// It does not respond.
     is_silent: bool,
+    connections: usize,
+    /// Requests that it has executed.
+    requests: usize,
 }
 
 /// A device behind Modbus TCP with registers.
@@ -60,6 +63,7 @@ impl Device {
 
     fn serve(&self, mut stream: TcpStream) {
         stream.set_nodelay(true).unwrap();
+        self.registers.lock().unwrap().connections += 1;
         let mut head = [0; 7];
         while stream.read_exact(&mut head).is_ok() {
             let mut pdu = vec![0; usize::from(u16::from_be_bytes([head[4], head[5]])) - 1];
@@ -78,6 +82,7 @@ impl Device {
         if registers.is_silent {
             return None;
         }
+        registers.requests += 1;
         let (first, second) = (u16::from_be_bytes([pdu[1], pdu[2]]), u16::from_be_bytes([pdu[3], pdu[4]]));
         match pdu[0] {
             3 | 4 => {
@@ -100,6 +105,16 @@ impl Device {
             }
             _ => Some(vec![pdu[0] | 0x80, 1]),
         }
+    }
+
+    pub(crate) fn port(&self) -> u16 {
+        self.port
+    }
+
+    /// Connections and requests that have come.
+    pub(crate) fn served(&self) -> (usize, usize) {
+        let registers = self.registers.lock().unwrap();
+        (registers.connections, registers.requests)
     }
 
     pub(crate) fn set(&self, register: u16, value: u16) {
@@ -141,7 +156,7 @@ impl Broker {
     }
 
     /// One that lets `gateway` in by a password.
-    fn with_password(lines: &str) -> Self {
+    pub(crate) fn with_password(lines: &str) -> Self {
         let mut broker = Self::start(&format!("password_file {{folder}}/users\n{lines}"));
         broker.kill();
         let users = broker.file("users");
@@ -178,20 +193,20 @@ impl Broker {
 
 /// A message.
 #[derive(Clone)]
-struct Heard {
+pub(crate) struct Heard {
     topic: String,
-    text: String,
+    pub(crate) text: String,
     retained: bool,
 }
 
 /// All that a client of others hears.
-struct Listener {
+pub(crate) struct Listener {
     _running: Running,
     heard: Arc<Mutex<Vec<Heard>>>,
 }
 
 impl Listener {
-    fn start(port: u16, more: &[&str]) -> Self {
+    pub(crate) fn start(port: u16, more: &[&str]) -> Self {
         let port = port.to_string();
         let words = ["-h", "127.0.0.1", "-p", &port, "-v", "-t", "#", "-q", "1", "-F", "%r %t %p"];
         let words = words.iter().chain(more).map(|word| (*word).into());
@@ -214,14 +229,14 @@ impl Listener {
     }
 
     /// Waits for a message on `topic` that `fits`.
-    fn wait(&self, topic: &str, fits: impl Fn(&str) -> bool) -> Heard {
+    pub(crate) fn wait(&self, topic: &str, fits: impl Fn(&str) -> bool) -> Heard {
         wait_for(&format!("a message on {topic}"), || {
             self.all(topic).into_iter().find(|heard| fits(&heard.text))
         })
     }
 }
 
-fn json(text: &str) -> Value {
+pub(crate) fn json(text: &str) -> Value {
     serde_json::from_str(text).unwrap_or_else(|error| panic!("{error}: {text}"))
 }
 

@@ -1,9 +1,6 @@
 //! Byte streams over TCP: splits what a client sends into requests, and encodes responses, by Modbus TCP or RTU over TCP.
 
-use core::future::pending;
-
 use embassy_time::{Duration, Instant};
-use embedded_io_async::Read;
 
 use crate::modbus::PduLength;
 use crate::modbus::rtu::{self, Cut};
@@ -133,18 +130,17 @@ impl Input {
         self.length == 0
     }
 
-    /// Reads more from `stream` and returns the number of bytes, 0 at its end. Waits forever if there is no room, or if it `is_deaf`.
-    pub(crate) async fn read<S: Read>(&mut self, stream: &mut S, is_deaf: bool) -> Result<usize, S::Error> {
-        let space = self.bytes.get_mut(self.length..).unwrap_or(&mut []);
-        if is_deaf || space.is_empty() {
-            pending::<()>().await;
-        }
-        let count = stream.read(space).await?;
+    /// Free space for reading.
+    pub(crate) fn space(&mut self) -> &mut [u8] {
+        self.bytes.get_mut(self.length..).unwrap_or(&mut [])
+    }
+
+    /// Adds `count` bytes that were read into the free space.
+    pub(crate) fn grew(&mut self, count: usize) {
         self.length += count;
         if self.framing == StreamFraming::Rtu {
             self.received_at = Instant::now();
         }
-        Ok(count)
     }
 
     /// When to examine the bytes again if nothing else arrives.

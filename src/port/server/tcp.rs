@@ -8,6 +8,7 @@
 //! returns).
 
 use core::convert::Infallible;
+use core::future::pending;
 use core::net::SocketAddr;
 use core::pin::pin;
 
@@ -211,19 +212,27 @@ impl Server<'_, '_> {
                             Waits::ForTurn(turn) => turn,
                             _ => Instant::MAX,
                         };
-                        let is_deaf = matches!(waits, Waits::ForFrame);
+                        let space = input.space();
+                        let deaf = matches!(waits, Waits::ForFrame) || space.is_empty();
                         let responses = self.connection.responses.receive(self.gateway.pool());
                         // A client that is delayed is not idle.
                         let kept = matches!(waits, Waits::ForTurn(_));
                         let idle_until = if kept { Instant::MAX } else { self.idle_until() };
                         let wake = until(idle_until.min(pause_end));
                         // Responses first: a read that finds nothing takes its time, and wakes a board's network stack.
-                        // It is pinned where it is made, as it is too large to be moved where there is TLS.
-                        let read = pin!(input.read(stream, is_deaf));
-                        match select4(responses, read, self.connection.leave.wait(), wake).await {
+                        let event = {
+                            // Pinned where it is made: with TLS it is too large to be moved.
+                            let read =
+                                pin!(async { if deaf { pending().await } else { stream.read(space).await } });
+                            select4(responses, read, self.connection.leave.wait(), wake).await
+                        };
+                        match event {
                             Either4::First(frame) => Response::Response(frame),
                             Either4::Second(Ok(0) | Err(_)) => return Err(End::Left),
-                            Either4::Second(Ok(_)) => continue,
+                            Either4::Second(Ok(count)) => {
+                                input.grew(count);
+                                continue;
+                            }
                             Either4::Third(()) => return Err(End::Crowded),
                             Either4::Fourth(()) if idle_until <= Instant::now() => return Err(End::Stalled),
                             Either4::Fourth(()) => continue,
@@ -344,8 +353,7 @@ impl Server<'_, '_> {
             Response::Refusal(header, response) => return self.put(*header, response, out),
             Response::Response(frame) => frame,
         };
-        let (stage, cause) = frame.read(|envelope| (envelope.stage, envelope.cause));
-        let (transaction, unit) = frame.read(|envelope| (envelope.transaction, envelope.unit));
+        let Envelope { stage, cause, transaction, unit, .. } = frame.envelope();
         if out.is_new() {
             self.connection
                 .update(|connection| connection.open_requests = connection.open_requests.saturating_sub(1));

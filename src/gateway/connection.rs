@@ -80,6 +80,27 @@ impl Connection {
         self.changed.signal(());
     }
 
+    /// Notes that the client `peer` has connected, with a `role`, and whether it is `marked`; returns the slot's new generation.
+    pub(crate) fn enter(&self, peer: SocketAddr, role: ClientRole, marked: bool) -> u16 {
+        let now = Instant::now();
+        self.leave.reset();
+        self.update(|connection| {
+            let (port, generation) = (connection.port, connection.generation.wrapping_add(1));
+            let fresh = ConnectionState { since: now, last_request: now, ..ConnectionState::EMPTY };
+            *connection = ConnectionState { port, peer: Some(peer), role, marked, generation, ..fresh };
+            generation
+        })
+    }
+
+    /// Tells the client to leave; returns its address.
+    pub(crate) fn displace(&self) -> Option<SocketAddr> {
+        self.leave.signal(());
+        self.update(|connection| {
+            connection.leaving = true;
+            connection.peer
+        })
+    }
+
     /// The state of the slot's client.
     pub fn state(&self) -> ConnectionState {
         self.update(|state| *state)

@@ -16,7 +16,9 @@ use crate::gateway::{Connection, ConnectionState, Gateway, PortState, Status};
 use crate::hal::{OpenError, TcpHost, TcpStream};
 use crate::port::server::listening;
 use crate::port::timer::until;
-use crate::settings::{DIAL_IN_WAITING_MAX, FIRST_BYTES_MAX, FirstBytes, PortId, PortKind, TcpListen, Whose};
+use crate::settings::{
+    ClientRole, DIAL_IN_WAITING_MAX, FIRST_BYTES_MAX, FirstBytes, PortId, PortKind, TcpListen, Whose,
+};
 use crate::stats::Event;
 
 /// A device whose first bytes have not come by then is disconnected.
@@ -99,13 +101,7 @@ impl<'s, 'g> Acceptor<'s, 'g> {
 
     /// Notes that a device has connected. If all slots of the port are taken now, one of the others is vacated.
     fn enter(&self, peer: SocketAddr) {
-        let now = Instant::now();
-        self.connection.leave.reset();
-        self.connection.update(|connection| {
-            let (port, generation) = (connection.port, connection.generation.wrapping_add(1));
-            let fresh = ConnectionState { since: now, last_request: now, ..ConnectionState::EMPTY };
-            *connection = ConnectionState { port, peer: Some(peer), generation, ..fresh };
-        });
+        self.connection.enter(peer, ClientRole::NONE, false);
         let others = || {
             self.gateway.connections().iter().filter(|other| {
                 let ConnectionState { port, peer, leaving, .. } = other.state();
@@ -116,8 +112,7 @@ impl<'s, 'g> Acceptor<'s, 'g> {
         if others().count() >= DIAL_IN_WAITING_MAX
             && let Some(oldest) = others().min_by_key(|other| other.state().since)
         {
-            oldest.update(|connection| connection.leaving = true);
-            oldest.leave.signal(());
+            oldest.displace();
         }
     }
 

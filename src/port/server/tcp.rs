@@ -17,7 +17,7 @@ use embassy_time::{Duration, Instant, Timer};
 
 use crate::capture::Tap;
 use crate::frame::{Envelope, Origin, ReplyTo, Stage};
-use crate::gateway::{Connection, ConnectionState, Gateway, PortState};
+use crate::gateway::{Connection, Gateway, PortState};
 use crate::hal::{OpenError, TcpHost, TcpStream};
 use crate::modbus::tcp::{Header, Parsed};
 use crate::modbus::{Exception, pdu};
@@ -146,8 +146,6 @@ impl Server<'_, '_> {
 
     /// Admits the newcomer, making room if necessary, or refuses it.
     fn take_connection(&self, peer: SocketAddr, role: ClientRole) -> Result<Origin, End> {
-        let now = Instant::now();
-        self.connection.leave.reset();
         let terms = self.gateway.settings(|settings| {
             let server = settings.tcp_server(self.id).filter(|server| server.allowed.admits(peer.ip()))?;
             let marked = server.reserved_for.iter().any(|prefix| prefix.contains(peer.ip()));
@@ -158,12 +156,7 @@ impl Server<'_, '_> {
             Err(end)
         };
         let Some((marked, clients, reserved, refuses)) = terms else { return refused(End::Unwelcome) };
-        let generation = self.connection.update(|connection| {
-            let (port, generation) = (connection.port, connection.generation.wrapping_add(1));
-            let fresh = ConnectionState { since: now, last_request: now, ..ConnectionState::EMPTY };
-            *connection = ConnectionState { port, peer: Some(peer), role, marked, generation, ..fresh };
-            generation
-        });
+        let generation = self.connection.enter(peer, role, marked);
         let (mut connected, mut ordinary) = (0, 0);
         let mut idle: Option<(&Connection, Instant)> = None;
         for connection in self.gateway.connections() {
@@ -184,12 +177,7 @@ impl Server<'_, '_> {
         let ordinary_max = clients.saturating_sub(reserved);
         if connected > clients || (!marked && ordinary > ordinary_max) {
             let Some((connection, _)) = idle.filter(|_| !refuses) else { return refused(End::Crowded) };
-            let left = connection.update(|connection| {
-                connection.leaving = true;
-                connection.peer
-            });
-            listening::displaces(self.gateway, self.id, left, peer.ip());
-            connection.leave.signal(());
+            listening::displaces(self.gateway, self.id, connection.displace(), peer.ip());
         }
         Ok(Origin { port: self.id, reply_to: ReplyTo::Connection(self.index as u16), generation })
     }

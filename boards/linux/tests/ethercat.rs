@@ -12,7 +12,7 @@ use mobgate_simulator::own_network::{
     MASTER_END, SEGMENT_END, in_own_network, ip, lay_cable, python, start_master, start_master_with,
 };
 
-use common::{PATIENCE, Program, mobgate, output, wait_for, with_console};
+use common::{PATIENCE, Program, example, mobgate, output, wait_for, with_console};
 
 mod common;
 
@@ -21,9 +21,7 @@ const DEMO: [&str; 5] = ["--demo", "--config", "{folder}/mobgate.conf", "--socke
 
 /// The settings of the documents' example, with the demo's meter and relays, at the cable.
 fn meter_and_relays() -> String {
-    let text = include_str!("../../../docs/examples/ethercat-cell.md");
-    let settings = text.split("```").find_map(|block| block.strip_prefix("settings\n")).unwrap();
-    settings
+    example("ethercat-cell.md")
         .replace("/dev/ttyUSB0", "demo")
         .replace("tcp server 502", "tcp server 127.0.0.1:{port}")
         .replace("interface eth1", "interface ecs0")

@@ -6,7 +6,7 @@ use std::fs;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{Ipv4Addr, TcpListener, TcpStream};
 use std::os::unix::net::UnixStream;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Output, Stdio};
 use std::sync::{Arc, Mutex};
 use std::thread;
@@ -196,6 +196,13 @@ fn gather(from: impl Read + Send + 'static, into: &Arc<Mutex<String>>) {
             into.lock().unwrap().push_str(&format!("{line}\n"));
         }
     });
+}
+
+/// The settings of the documents' example `name`.
+pub(crate) fn example(name: &str) -> String {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/examples").join(name);
+    let text = fs::read_to_string(file).unwrap();
+    text.split("```").find_map(|block| block.strip_prefix("settings\n")).expect(name).to_owned()
 }
 
 /// The program with `settings`, as [`Program::configured`], and a console at its socket.

@@ -1,13 +1,11 @@
 //! The examples of the documents, with their settings as they stand there: devices and addresses of a plant are replaced by those of
 //! a test.
 
-use std::fs;
 use std::net::{Ipv4Addr, SocketAddr, TcpStream};
-use std::path::Path;
 
 use socket2::{Domain, Socket, Type};
 
-use crate::common::{PATIENCE, Program, ask, wait_for};
+use crate::common::{PATIENCE, Program, ask, example, wait_for};
 use crate::lines::Line;
 use crate::mosquitto::{Broker, Device, Listener, json};
 use crate::outside::Tool;
@@ -17,11 +15,8 @@ const WRITE: [u8; 5] = [6, 0, 3, 0x12, 0x34];
 const ILLEGAL_FUNCTION: [u8; 2] = [0x86, 1];
 
 /// The program with the settings of the document `name`, in which each pair's first text becomes the second one.
-fn example(name: &str, pairs: &[(&str, &str)]) -> Program {
-    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/examples").join(name);
-    let text = fs::read_to_string(file).unwrap();
-    let block = text.split("```").find_map(|block| block.strip_prefix("settings\n"));
-    let mut settings = block.expect(name).to_owned();
+fn program(name: &str, pairs: &[(&str, &str)]) -> Program {
+    let mut settings = example(name);
     for (from, to) in pairs {
         assert!(settings.contains(from), "{name}: {from}");
         settings = settings.replace(from, to);
@@ -43,8 +38,8 @@ fn client_at(program: &Program, address: Ipv4Addr) -> TcpStream {
 fn three_clients_share_an_inverter_and_one_of_them_writes() {
     let inverter = Device::start();
     inverter.set(3, 7);
-    let at = format!("127.0.0.1:{}", inverter.port());
-    let program = example(
+    let at = format!("127.0.0.1:{}", inverter.port);
+    let program = program(
         "solar-inverter.md",
         &[
             ("192.168.1.50:502", &at),
@@ -73,7 +68,7 @@ fn three_clients_share_an_inverter_and_one_of_them_writes() {
 fn a_plc_and_a_scada_system_share_a_line() {
     let (field, plc) = (Line::with_pymodbus(&[1, 2]), Line::without_server());
     let [field_end, plc_end] = [&field, &plc].map(|line| line.near_end().display().to_string());
-    let program = example(
+    let program = program(
         "plc-and-scada.md",
         &[
             ("/dev/ttyUSB0", &plc_end),
@@ -107,8 +102,8 @@ fn home_assistant_is_told_of_meters_and_gets_their_values() {
     // 1234.5 as a number of 32 bits.
     meters.set(52, 0x449a);
     meters.set(53, 0x5000);
-    let (bus, at) = (format!("tcp client 127.0.0.1:{}", meters.port()), format!("127.0.0.1:{}", broker.port));
-    let program = example(
+    let (bus, at) = (format!("tcp client 127.0.0.1:{}", meters.port), format!("127.0.0.1:{}", broker.port));
+    let program = program(
         "home-assistant.md",
         &[
             ("serial /dev/ttyUSB0 rtu client 9600 8N1", &bus),

@@ -44,7 +44,7 @@ struct Registers {
 #[derive(Clone)]
 pub(crate) struct Device {
     registers: Arc<Mutex<Registers>>,
-    port: u16,
+    pub(crate) port: u16,
 }
 
 impl Device {
@@ -105,10 +105,6 @@ impl Device {
             }
             _ => Some(vec![pdu[0] | 0x80, 1]),
         }
-    }
-
-    pub(crate) fn port(&self) -> u16 {
-        self.port
     }
 
     /// Connections and requests that have come.

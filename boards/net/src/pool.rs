@@ -160,6 +160,7 @@ impl Lease {
 
 impl Drop for Lease {
     fn drop(&mut self) {
+        self.sockets.backlog.leaves(self.number);
         self.sockets.free.update(|free| free | 1 << self.number);
     }
 }

@@ -59,14 +59,14 @@ impl TcpHost for TcpSockets {
             poll_fn(|context| {
                 // Each change of the state wakes who waits to write, which none of these states allows.
                 let _ = pin!(socket.wait_write_ready()).poll(context);
-                match socket.state() {
-                    State::Listen if turn.is_some() => Poll::Pending,
-                    State::SynReceived => {
-                        turn = None;
-                        Poll::Pending
-                    }
-                    _ => Poll::Ready(()),
+                let state = socket.state();
+                if state == State::Listen && turn.is_some() {
+                    return Poll::Pending;
                 }
+                if let Some(turn) = turn.take() {
+                    turn.accepted();
+                }
+                if state == State::SynReceived { Poll::Pending } else { Poll::Ready(()) }
             })
             .await;
             // If there is none, the peer gave up during the handshake.

@@ -78,10 +78,13 @@ export function leave() {
 }
 
 let events = null;
+/// Milliseconds at which the events were asked for.
+let asked = 0;
 
 /// Follows the status. An event stream ends now and then and comes back by itself; where there are too many, the status is asked for.
 export function follow() {
   events?.close();
+  asked = performance.now();
   const source = new EventSource("/api/v1/events");
   events = source;
   source.onmessage = (event) => {
@@ -101,9 +104,11 @@ export function follow() {
   };
 }
 
-// Says that nothing has come for some time.
+// Says that nothing has come for some time, and asks again: a gateway that has lost its power ends no connection.
 setInterval(() => {
-  const lost = Boolean(app.user) && performance.now() - app.heard > SILENCE;
+  const now = performance.now();
+  const lost = Boolean(app.user) && now - app.heard > SILENCE;
+  if (lost && now - asked > SILENCE) follow();
   if (lost !== app.lost) {
     app.lost = lost;
     redraw();

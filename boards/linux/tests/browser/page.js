@@ -45,7 +45,7 @@ async function open(browserContext) {
   page.on("console", (message) => {
     // The first question of a page is who has logged in; and what is not possible now, the page says itself.
     const expected = isCut ? /net::ERR_/ : /status of (401|409)/;
-    if (message.type() === "error" && !expected.test(message.text())) faults.push(`console: ${message.text()}`);
+    if (message.type() === "error" && !expected.test(message.text())) faults.push(`console: ${message.text()} (${message.location().url})`);
   });
   return page;
 }
@@ -327,12 +327,15 @@ async function byKeyboard(browser, state) {
   await others.close();
 }
 
-/// A gateway that does not respond: the page says so, and comes back.
+/// A gateway that does not respond: the page says so, asks again, and comes back.
 async function lostAndBack(page) {
   isCut = true;
+  // Not all gateways end their connections: one that has lost its power does not.
+  const asked = page.waitForRequest(/\/api\/v1\/events$/);
   process.kill(pid, "SIGSTOP");
   try {
     await page.getByText("The gateway does not respond.").waitFor();
+    await asked;
     await shot(page, "lost-1280");
   } finally {
     process.kill(pid, "SIGCONT");

@@ -2,7 +2,7 @@
 
 use std::net::Ipv4Addr;
 
-use embassy_futures::join::join_array;
+use embassy_futures::join::{join, join_array};
 use embassy_net::ConfigV4;
 use embassy_time::{Duration, Instant, Timer, with_timeout};
 use embedded_io_async::{Read, Write};
@@ -118,6 +118,54 @@ fn clients_that_come_and_go_wait_for_nobody() {
                 client.close().await;
             }
         }
+    });
+}
+
+#[test]
+fn with_all_sockets_connected_a_client_waits_for_the_next_that_is_free() {
+    let mut world = World::new(27);
+    let (near, ..) = served(&world, CLIENTS + 2);
+    world.run_until(async {
+        let mut all = Vec::new();
+        for _ in 0..=CLIENTS {
+            all.push(connect(near, FAR).await);
+        }
+        let left = async {
+            Timer::after_millis(300).await;
+            all.pop().unwrap().close().await;
+            Instant::now()
+        };
+        let came = async {
+            let client = connect(near, FAR).await;
+            (client, Instant::now())
+        };
+        let (left, (mut newcomer, came)) = join(left, came).await;
+        ask(&mut newcomer).await;
+        assert!(came < left + Duration::from_millis(100), "{left} {came}: it need not ask again");
+    });
+}
+
+#[test]
+fn a_client_that_has_gone_does_not_wait_for_ever() {
+    let mut world = World::new(28);
+    let (near, _, cable) = served(&world, CLIENTS + 2);
+    world.run_until(async {
+        let mut all = Vec::new();
+        for _ in 0..=CLIENTS {
+            all.push(connect(near, FAR).await);
+        }
+        // As many as can wait.
+        for port in 0..8 {
+            cable.forge([10, 0, 0, 9].into(), 4000 + port, 502);
+        }
+        Timer::after_secs(4).await;
+        // The next one has a place.
+        let left = async {
+            Timer::after_millis(300).await;
+            all.pop().unwrap().close().await;
+        };
+        let (_, newcomer) = join(left, with_timeout(AT_ONCE, connect(near, FAR))).await;
+        ask(&mut newcomer.expect("it waits, and is accepted")).await;
     });
 }
 

@@ -205,7 +205,7 @@ async fn work<S: Store, Y: System>(
             session.changed(changed);
         }
         Wait::Save { whatever } => {
-            store.sign(&session.actor());
+            session.gateway.sign(store, session.actor());
             let saved = reconfigure::save(session.gateway, store, whatever).await;
             session.saved(saved);
         }

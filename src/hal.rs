@@ -193,8 +193,8 @@ pub trait Store {
     /// Sets whether the next version replaces the stored text even if others have changed it.
     fn overwrite(&mut self, _whatever: bool) {}
 
-    /// Sets the author of the next version.
-    fn sign(&mut self, _who: &dyn fmt::Display) {}
+    /// Sets the author of the next version; `when` tells the time, in microseconds since 1970 began, UTC, if it is known.
+    fn sign(&mut self, _who: &dyn fmt::Display, _when: impl FnOnce() -> Option<u64>) {}
 
     /// Writes what is known of the `nth` of the versions that were saved, from 0, the last one: when, how many lines it added and took
     /// away, and who, with tabs between. `None` if no such one is kept.

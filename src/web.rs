@@ -36,6 +36,7 @@ mod tests;
 mod transport;
 mod untaken;
 mod update;
+mod versions;
 
 use core::future::pending;
 use core::net::SocketAddr;

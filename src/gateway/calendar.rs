@@ -9,9 +9,9 @@ use embassy_time::Instant;
 
 use self::state::TimeState;
 use super::Gateway;
-use super::audit::Stamp;
+use super::audit::{Actor, Stamp};
 use super::date::Date;
-use crate::hal::OpenError;
+use crate::hal::{OpenError, Store};
 use crate::settings::ServerAddress;
 
 impl Gateway<'_> {
@@ -28,6 +28,11 @@ impl Gateway<'_> {
     /// The date of `at`, or the time itself.
     pub(super) fn stamp(&self, at: Instant) -> Stamp {
         self.date(at).map_or(Stamp::Up(at), Stamp::Date)
+    }
+
+    /// Signs the next version in `store`.
+    pub(crate) fn sign(&self, store: &mut impl Store, actor: Actor<'_>) {
+        store.sign(&actor, || self.date(Instant::now()).map(|Date(us)| us));
     }
 
     /// Sets the clock: according to `server` it was `date` at the time `at`. Returns why it was refused.

@@ -131,7 +131,7 @@ impl Candidate {
         (actor, port): (Actor<'_>, Option<PortId>),
     ) -> Result<(), Uncommitted> {
         let mut settings = self.settings.try_lock()?;
-        store.sign(&actor);
+        gateway.sign(store, actor);
         let changes = match (self.stage(), confirmed) {
             (Stage::Nothing, _) => return Err(Uncommitted::Nothing),
             (Stage::Waiting { unsaved, .. }, Some(time)) => {

@@ -18,7 +18,7 @@ impl Gateway<'_> {
                 ethercat.restore();
                 self.change_settings(|settings| settings.slaves.clear());
             }
-            store.sign(&Actor::Ethercat);
+            self.sign(store, Actor::Ethercat);
             let saved = reconfigure::save(self, store, true).await;
             match saved {
                 Ok(()) => self.audit(Topic::Save, Actor::Ethercat, format_args!("save")),

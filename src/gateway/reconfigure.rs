@@ -251,7 +251,7 @@ pub(crate) async fn commit(
         return Err(StoreError::Refused(UNCONFIRMED).into());
     }
     gateway.check(settings)?;
-    store.sign(&actor);
+    gateway.sign(store, actor);
     store.overwrite(false);
     // First, as there is no memory for settings to go back to.
     saved::write_store(settings, store, &mut *gateway.stored_line.lock().await).await?;

@@ -9,9 +9,10 @@ use super::api::{Api, Caller};
 use super::calls::{line, parse, uncommitted};
 use super::json::Quoted;
 use super::members::{BYTE, Kind, Line, Member, TEXT, WORD, needed, optional};
-use super::response::{Content, Message, Refused, Response, Text};
+use super::response::{Content, Message, Refused, Response};
 use super::routes::Call;
 use super::untaken::cut;
+use super::versions::Versions;
 use crate::console::access::{self, Denied, NotBegun, Running};
 use crate::gateway::audit::Topic;
 use crate::gateway::direct_request::DirectRequestError;
@@ -19,8 +20,6 @@ use crate::gateway::reconfigure;
 use crate::hal::{Store, System, Update};
 use crate::routing::Decision;
 
-/// Fits what a store tells of a version.
-const VERSION_BYTES_MAX: usize = 128;
 /// Bytes of a password: as at consoles.
 const PASSWORD_BYTES: core::ops::RangeInclusive<usize> = 8..=64;
 
@@ -120,24 +119,7 @@ impl<'a, 'g, S: Store, U: Update, Y: System> Api<'a, 'g, S, U, Y> {
     /// `GET /settings/versions`
     pub(super) async fn versions(&self, response: &mut Response<'a, 'g>) {
         let mut store = self.store.lock().await;
-        let mut json = Text::new();
-        for nth in 0.. {
-            let mut known = String::<VERSION_BYTES_MAX>::new();
-            // What does not fit is cut.
-            if store.write_version(nth, &mut known).is_none() {
-                break;
-            }
-            let mut cells = known.splitn(3, '\t');
-            let [time, lines, who] = [(); 3].map(|()| Quoted(cells.next().unwrap_or_default()));
-            let (length, comma) = (json.len(), if nth > 0 { "," } else { "" });
-            let row =
-                format_args!("{comma}{{\"version\":{nth},\"time\":{time},\"lines\":{lines},\"who\":{who}}}");
-            if json.write_fmt(row).is_err() {
-                json.truncate(length);
-                break;
-            }
-        }
-        response.json(200, format_args!("{{\"versions\":[{json}]}}"));
+        response.ok(Content::Versions(Versions::of(*store)));
     }
 
     /// `POST /settings/versions`
@@ -176,7 +158,7 @@ impl<'a, 'g, S: Store, U: Update, Y: System> Api<'a, 'g, S, U, Y> {
         set.map_err(|error| response.error(409, &error))?;
         gateway.audit(Topic::Settings, self.actor(caller), format_args!("password {name}"));
         let mut store = self.store.lock().await;
-        store.sign(&self.actor(caller));
+        gateway.sign(*store, self.actor(caller));
         let saved = reconfigure::save(gateway, *store, false).await;
         saved.map_err(|error| response.error(409, &error))
     }

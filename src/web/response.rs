@@ -21,6 +21,7 @@ use super::session;
 use super::settings::{Schema, Written};
 use super::status::Status;
 use super::untaken::cut;
+use super::versions::Versions;
 use crate::console::access::{Asked, Running};
 use crate::console::diff::restarting;
 use crate::gateway::Gateway;
@@ -61,6 +62,7 @@ pub(super) enum Content<'s, 'g> {
     Live(Status, Token),
     Settings(Written),
     Schema(Schema),
+    Versions(Versions),
     Diff(Difference, Part),
     /// The response of a unit.
     Values(Asked<'s, 'g>, Part),
@@ -266,6 +268,7 @@ impl Content<'_, '_> {
             }
             Self::Settings(written) => retried(written, |written| written.next(source.gateway, out)),
             Self::Schema(schema) => retried(schema, |schema| schema.next(out)),
+            Self::Versions(versions) => versions.next(out),
             Self::Metrics(metrics) => retried(metrics, |metrics| metrics.next(source, out)),
             Self::Diff(diff, part) => next_of_diff(source.gateway, diff, part, out),
             Self::Values(response, part) => {

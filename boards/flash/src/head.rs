@@ -1,4 +1,4 @@
-//! The head: one small map item that says which copy of the text is valid.
+//! The head: one small map item that says where the text is that is valid.
 
 use crc::{CRC_32_ISO_HDLC, Crc, NoTable};
 
@@ -9,11 +9,12 @@ pub(crate) static CRC: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&CRC_32_ISO_
 const VERSION: u8 = 1;
 pub(crate) const HEAD_BYTES: usize = 10;
 
-/// The valid copy, its length and its checksum.
+/// Where a text is, its length and its checksum.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Head {
+    /// The place of its first piece: in bit 0 the half of the ring, above it the number in that half. In firmware with two copies it is
     /// 0 or 1.
-    pub(crate) copy: u8,
+    pub(crate) first: u8,
     pub(crate) length: u32,
     pub(crate) crc: u32,
 }
@@ -22,14 +23,14 @@ impl Head {
     pub(crate) fn to_bytes(self) -> [u8; HEAD_BYTES] {
         let [l0, l1, l2, l3] = self.length.to_le_bytes();
         let [c0, c1, c2, c3] = self.crc.to_le_bytes();
-        [VERSION, self.copy, l0, l1, l2, l3, c0, c1, c2, c3]
+        [VERSION, self.first, l0, l1, l2, l3, c0, c1, c2, c3]
     }
 
     /// `None` if another firmware version wrote it.
     pub(crate) fn from_bytes(bytes: &[u8]) -> Option<Self> {
-        let &[VERSION, copy @ 0..=1, l0, l1, l2, l3, c0, c1, c2, c3] = bytes else { return None };
+        let &[VERSION, first, l0, l1, l2, l3, c0, c1, c2, c3] = bytes else { return None };
         let (length, crc) = (u32::from_le_bytes([l0, l1, l2, l3]), u32::from_le_bytes([c0, c1, c2, c3]));
-        Some(Self { copy, length, crc })
+        Some(Self { first, length, crc })
     }
 }
 
@@ -56,7 +57,7 @@ mod tests {
 
     #[test]
     fn a_trials_head_reads_back() {
-        let head = Head { copy: 1, length: 0x1_0203, crc: 0xdead_beef };
+        let head = Head { first: 1, length: 0x1_0203, crc: 0xdead_beef };
         assert_eq!(trial_from_bytes(&trial_to_bytes(head, 7)), Some((head, 7)));
         assert_eq!(trial_from_bytes(&[]), None);
         assert_eq!(trial_from_bytes(&[0; 14]), None);
@@ -64,7 +65,7 @@ mod tests {
 
     #[test]
     fn a_head_reads_back_and_another_versions_head_does_not() {
-        let head = Head { copy: 1, length: 0x1_0203, crc: 0xdead_beef };
+        let head = Head { first: 1, length: 0x1_0203, crc: 0xdead_beef };
         let mut bytes = head.to_bytes();
         assert_eq!(Head::from_bytes(&bytes), Some(head));
         bytes[0] += 1;

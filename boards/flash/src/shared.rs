@@ -7,21 +7,21 @@ use embassy_sync::mutex::{Mutex, MutexGuard};
 use embedded_storage_async::nor_flash::NorFlash;
 use mobgate::hal::{Store, StoreError};
 
-use crate::store::{FlashStore, SECRET_BYTES, Who, who};
+use crate::store::{FlashStore, SECRET_BYTES, Signature};
 
 /// A console's handle of the store. Dropping it during a save discards the unfinished version.
 pub struct SharedStore<'a, M: RawMutex, F: NorFlash> {
     store: &'a Mutex<M, FlashStore<F>>,
     /// Held from the first append to the commit.
     saving: Option<MutexGuard<'a, M, FlashStore<F>>>,
-    /// Who makes the next version.
-    who: Who,
+    /// Whose the next version is.
+    signed: Signature,
 }
 
 impl<'a, M: RawMutex, F: NorFlash> SharedStore<'a, M, F> {
     /// Creates a handle of `store`.
     pub const fn new(store: &'a Mutex<M, FlashStore<F>>) -> Self {
-        Self { store, saving: None, who: Who::new() }
+        Self { store, saving: None, signed: Signature::new() }
     }
 
     /// Another handle of the same store.
@@ -77,12 +77,12 @@ impl<M: RawMutex, F: NorFlash> Store for SharedStore<'_, M, F> {
 
     async fn commit(&mut self) -> Result<(), StoreError> {
         let mut store = self.alone().await;
-        store.sign(&core::mem::take(&mut self.who));
+        store.signed(core::mem::take(&mut self.signed));
         store.commit().await
     }
 
-    fn sign(&mut self, who: &dyn fmt::Display) {
-        self.who = self::who(who);
+    fn sign(&mut self, who: &dyn fmt::Display, when: impl FnOnce() -> Option<u64>) {
+        self.signed = Signature::of(who, when);
     }
 
     /// While somebody saves there is none.

@@ -1,6 +1,6 @@
-//! [`FlashStore`]: two copies of the text as numbered pieces in a map, and a head that says which one is valid.
+//! [`FlashStore`]: texts as pieces in a ring, whose items are in a map, and a head that says which one is valid.
 //!
-//! While an image is on trial, the head stays as it is: what is saved goes to the other copy, with a head of its own that names the
+//! While an image is on trial, the head stays as it is: what is saved goes behind its text, with a head of its own that names the
 //! image. Confirming makes that the head. If another image runs at the next start, that one went back, and its head is dropped.
 
 use core::fmt;
@@ -8,16 +8,9 @@ use core::fmt;
 use crc::{Digest, NoTable};
 use embedded_storage_async::nor_flash::NorFlash;
 use mobgate::hal::{Store, StoreError};
-use mobgate::settings::{LINE_BYTES_MAX, PORTS_MAX, ROUTES_MAX};
-use sequential_storage::Error;
-use sequential_storage::cache::Cache;
-use sequential_storage::cache::key_pointers::ArrayKeyPointers;
-use sequential_storage::cache::page_pointers::ArrayPagePointers;
-use sequential_storage::cache::page_states::ArrayPageStates;
-use sequential_storage::map::{MapConfig, MapStorage};
 
-use crate::head::{CRC, Head, TRIAL_BYTES, trial_from_bytes, trial_to_bytes};
-use crate::sectors::{SECTORS, Sectors};
+use crate::head::{CRC, Head, trial_from_bytes, trial_to_bytes};
+use crate::sectors::Sectors;
 
 // Images without it are smaller: nobody asks for a version there.
 #[cfg_attr(not(feature = "versions"), path = "store/no_version_items.rs")]
@@ -25,57 +18,17 @@ mod version_items;
 #[cfg_attr(not(feature = "versions"), path = "store/no_versions.rs")]
 mod versions;
 
+mod items;
+mod ring;
 mod secret;
 
+pub use self::items::TEXT_BYTES_MAX;
+use self::items::{HEAD_KEY, KEY_BYTES, Map, PIECE_BYTES, TRIAL_KEY, map, reason};
+pub use self::ring::text_bytes_max;
+use self::ring::{Ring, pieces};
 pub use self::secret::SECRET_BYTES;
-use self::versions::{VERSION_BYTES_MAX, Versions};
-pub(crate) use self::versions::{Who, who};
-
-/// Longest text: room for the network, all ports and all rules as lines of full length. The other lines share it; a longer text
-/// fails with [`StoreError::Full`].
-pub const TEXT_BYTES_MAX: usize = (PORTS_MAX + ROUTES_MAX + 1) * (LINE_BYTES_MAX + 1);
-
-/// Bytes of a piece. With its key it is a whole number of flash words.
-const PIECE_BYTES: usize = 1024 - KEY_BYTES;
-const KEY_BYTES: usize = size_of::<u16>();
-const PIECES_MAX: usize = TEXT_BYTES_MAX.div_ceil(PIECE_BYTES);
-/// The head's key. A piece's key is its number and, in [`COPY_BIT`], its copy.
-const HEAD_KEY: u16 = u16::MAX;
-const COPY_BIT: u16 = 0x100;
-/// The key of a trial's head.
-const TRIAL_KEY: u16 = HEAD_KEY - 1;
-/// Keys of both copies and the heads. That of the secret is looked for once.
-const KEYS: usize = 2 * PIECES_MAX + 2;
-const _: () = assert!(PIECES_MAX < COPY_BIT as usize);
-
-type Finder = Cache<
-    ArrayPageStates<{ SECTORS as usize }>,
-    ArrayPagePointers<{ SECTORS as usize }>,
-    ArrayKeyPointers<u16, KEYS>,
-    u16,
->;
-
-type Map<F> = MapStorage<u16, Sectors<F>, Finder>;
-
-/// A map with an empty cache.
-fn map<F: NorFlash>(sectors: Sectors<F>) -> Map<F> {
-    let finder = Cache::new(ArrayPageStates::new(), ArrayPagePointers::new(), ArrayKeyPointers::new());
-    let config = const { MapConfig::new(0..SECTORS * <Sectors<F> as NorFlash>::ERASE_SIZE as u32) };
-    MapStorage::new(sectors, config, finder)
-}
-
-/// Longest text for two sectors of `F`: both copies must fit into one, because the other one is being erased.
-pub const fn text_bytes_max<F: NorFlash>() -> usize {
-    let sector = <Sectors<F> as NorFlash>::ERASE_SIZE - 2 * F::WRITE_SIZE;
-    let overhead = MapStorage::<u16, Sectors<F>, Finder>::item_overhead_size() as usize;
-    let head = overhead + (KEY_BYTES + TRIAL_BYTES).next_multiple_of(F::WRITE_SIZE);
-    let secret = overhead + (KEY_BYTES + SECRET_BYTES).next_multiple_of(F::WRITE_SIZE);
-    let version = overhead + (KEY_BYTES + VERSION_BYTES_MAX).next_multiple_of(F::WRITE_SIZE);
-    let versions = if cfg!(feature = "versions") { 2 * version } else { 0 };
-    let pieces = (sector - 2 * head - secret - versions) / (2 * (overhead + KEY_BYTES + PIECE_BYTES));
-    let room = pieces * PIECE_BYTES;
-    if room < TEXT_BYTES_MAX { room } else { TEXT_BYTES_MAX }
-}
+pub(crate) use self::versions::Signature;
+use self::versions::Versions;
 
 /// The image that runs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -96,25 +49,26 @@ pub struct FlashStore<F: NorFlash> {
     /// `None` only while it is rebuilt.
     map: Option<Map<F>>,
     image: Image,
-    /// The valid copy, or why nothing can be read.
+    /// The valid text, or why nothing can be read.
     head: Result<Option<Head>, StoreError>,
-    /// The copy saved by the image on trial, which is valid until the image goes back.
+    /// The text saved by the image on trial, which is valid until the image goes back.
     trial: Option<Head>,
     /// Whether the flash has a trial's head.
     has_trial: bool,
     /// Scratch buffer of the map for one item.
     buffer: [u8; KEY_BYTES + PIECE_BYTES],
-    /// The version being written.
+    /// The text being written.
     next: Option<Next>,
     /// Its last, incomplete piece.
     piece: [u8; PIECE_BYTES],
-    /// Who saved the texts.
+    /// Texts to go back to.
     versions: Versions,
 }
 
-/// A version being written.
+/// A text being written.
 struct Next {
-    copy: u8,
+    /// Its place; its length and check sum are not known yet.
+    head: Head,
     length: usize,
     digest: Digest<'static, u32, NoTable>,
 }
@@ -172,15 +126,14 @@ impl<F: NorFlash> FlashStore<F> {
         self.find_versions().await;
     }
 
-    /// The head of this image's trial, if its text matches it. Once confirmed it names the same copy as the head, and is over.
+    /// The head of this image's trial, if its text matches it. Once confirmed it is the same as the head, and is over.
     async fn find_trial(&mut self) -> Result<Option<Head>, StoreError> {
         let map = self.map.as_mut().ok_or(StoreError::Failed)?;
         let found = map.fetch_item::<&[u8]>(&mut self.buffer, &TRIAL_KEY).await.map_err(reason)?;
         let bytes = found.unwrap_or_default();
         self.has_trial = !bytes.is_empty();
         let Some((head, image)) = trial_from_bytes(bytes) else { return Ok(None) };
-        let is_over = matches!(self.head, Ok(Some(Head { copy, .. })) if copy == head.copy);
-        if is_over || image != self.image.id {
+        if self.head == Ok(Some(head)) || image != self.image.id {
             return Ok(None);
         }
         self.check(&head).await?;
@@ -202,6 +155,11 @@ impl<F: NorFlash> FlashStore<F> {
         map.store_item(&mut self.buffer, &key, &bytes).await.map_err(reason)
     }
 
+    /// Sets whose the next version is.
+    pub(crate) fn signed(&mut self, signature: Signature) {
+        self.versions.signed = signature;
+    }
+
     /// Discards an uncommitted version.
     pub fn forget(&mut self) {
         self.next = None;
@@ -221,17 +179,17 @@ impl<F: NorFlash> FlashStore<F> {
     async fn check(&mut self, head: &Head) -> Result<(), StoreError> {
         let length = head.length as usize;
         let mut digest = CRC.digest();
-        for number in 0..length.div_ceil(PIECE_BYTES) {
-            let bytes = PIECE_BYTES.min(length - number * PIECE_BYTES);
-            digest.update(self.piece(head.copy, number).await?.get(..bytes).ok_or(StoreError::Corrupt)?);
+        for nth in 0..pieces(*head) {
+            let bytes = PIECE_BYTES.min(length - nth * PIECE_BYTES);
+            digest.update(self.piece(*head, nth).await?.get(..bytes).ok_or(StoreError::Corrupt)?);
         }
         if digest.finalize() == head.crc { Ok(()) } else { Err(StoreError::Corrupt) }
     }
 
-    /// A piece of a copy. The last one may be longer than the rest of its text.
-    async fn piece(&mut self, copy: u8, number: usize) -> Result<&[u8], StoreError> {
+    /// A piece of a text. The last one may be longer than the rest of it.
+    async fn piece(&mut self, head: Head, nth: usize) -> Result<&[u8], StoreError> {
         let map = self.map.as_mut().ok_or(StoreError::Failed)?;
-        let found = map.fetch_item::<&[u8]>(&mut self.buffer, &key(copy, number)).await;
+        let found = map.fetch_item::<&[u8]>(&mut self.buffer, &Ring::<F>::key(head, nth)).await;
         found.map_err(reason)?.ok_or(StoreError::Corrupt)
     }
 
@@ -241,19 +199,19 @@ impl<F: NorFlash> FlashStore<F> {
     }
 
     /// Reads the text of a head from `offset` on.
-    async fn read_copy(&mut self, head: Head, offset: usize, into: &mut [u8]) -> Result<usize, StoreError> {
+    async fn read_text(&mut self, head: Head, offset: usize, into: &mut [u8]) -> Result<usize, StoreError> {
         let left = (head.length as usize).saturating_sub(offset);
         if left == 0 {
             return Ok(0);
         }
-        let piece = self.piece(head.copy, offset / PIECE_BYTES).await?;
+        let piece = self.piece(head, offset / PIECE_BYTES).await?;
         let there = piece.get(offset % PIECE_BYTES..).ok_or(StoreError::Corrupt)?;
         let count = there.len().min(left).min(into.len());
         into.iter_mut().zip(there).take(count).for_each(|(to, &from)| *to = from);
         Ok(count)
     }
 
-    /// Starts a version in the copy that is not valid.
+    /// Starts a text beside the one that is valid.
     async fn begin(&mut self) -> Result<Next, StoreError> {
         if self.head == Err(StoreError::Corrupt) {
             // Nothing is readable, so nothing is lost, and corrupt items might be in the way.
@@ -266,9 +224,10 @@ impl<F: NorFlash> FlashStore<F> {
         }
         // Overwritten from here on. A power cut loses nothing by that: a restart ends the trial.
         self.trial = None;
-        let holds = self.head?.map_or(1, |head| head.copy);
-        self.versions.forget(1 - holds);
-        Ok(Next { copy: 1 - holds, length: 0, digest: CRC.digest() })
+        let valid = self.head?;
+        self.versions.go_back::<F>(valid);
+        let head = Head { first: self.versions.next::<F>(valid), length: 0, crc: 0 };
+        Ok(Next { head, length: 0, digest: CRC.digest() })
     }
 
     /// Erases everything. The map's own erase keeps its cache: items written afterwards would not be found at the next start.
@@ -280,8 +239,10 @@ impl<F: NorFlash> FlashStore<F> {
 
     /// Writes the last piece of `next`, of `bytes` bytes.
     async fn store_piece(&mut self, next: &Next, bytes: usize) -> Result<(), StoreError> {
+        let nth = (next.length - 1) / PIECE_BYTES;
+        self.versions.give_up::<F>(Ring::<F>::place(next.head, nth));
+        let key = Ring::<F>::key(next.head, nth);
         let piece = self.piece.get(..bytes).unwrap_or_default();
-        let key = key(next.copy, (next.length - 1) / PIECE_BYTES);
         let map = self.map.as_mut().ok_or(StoreError::Failed)?;
         map.store_item(&mut self.buffer, &key, &piece).await.map_err(reason)
     }
@@ -312,7 +273,7 @@ impl<F: NorFlash> FlashStore<F> {
         if rest > 0 {
             self.store_piece(&next, rest).await?;
         }
-        let head = Head { copy: next.copy, length: next.length as u32, crc: next.digest.finalize() };
+        let head = Head { length: next.length as u32, crc: next.digest.finalize(), ..next.head };
         // A failed read-back is the medium's fault; the old text is still valid.
         self.check(&head).await.map_err(|_| StoreError::Failed)?;
         self.note_version(head).await?;
@@ -329,7 +290,7 @@ impl<F: NorFlash> FlashStore<F> {
 impl<F: NorFlash> Store for FlashStore<F> {
     async fn read(&mut self, offset: usize, into: &mut [u8]) -> Result<usize, StoreError> {
         let Some(head) = self.valid()? else { return Ok(0) };
-        self.read_copy(head, offset, into).await
+        self.read_text(head, offset, into).await
     }
 
     async fn append(&mut self, text: &[u8]) -> Result<(), StoreError> {
@@ -360,12 +321,12 @@ impl<F: NorFlash> Store for FlashStore<F> {
         Ok(())
     }
 
-    fn sign(&mut self, who: &dyn fmt::Display) {
-        self.versions.sign(who);
+    fn sign(&mut self, who: &dyn fmt::Display, when: impl FnOnce() -> Option<u64>) {
+        self.signed(Signature::of(who, when));
     }
 
     fn write_version(&mut self, nth: usize, out: &mut dyn fmt::Write) -> Option<fmt::Result> {
-        self.version(nth).map(|(_, who)| write!(out, "-\t-\t{who}"))
+        self.version(nth).map(|(_, told)| write!(out, "{told}"))
     }
 
     async fn read_version(
@@ -375,17 +336,6 @@ impl<F: NorFlash> Store for FlashStore<F> {
         into: &mut [u8],
     ) -> Result<usize, StoreError> {
         let Some((head, _)) = self.version(nth) else { return Ok(0) };
-        self.read_copy(head, offset, into).await
-    }
-}
-
-const fn key(copy: u8, number: usize) -> u16 {
-    (copy as u16 * COPY_BIT) | number as u16
-}
-
-fn reason<E>(error: Error<E>) -> StoreError {
-    match error {
-        Error::Corrupted { .. } => StoreError::Corrupt,
-        _ => StoreError::Failed,
+        self.read_text(head, offset, into).await
     }
 }

@@ -12,9 +12,12 @@ use mobgate::hal::{Store, StoreError};
 use mobgate::language::LineBuffer;
 use mobgate::settings::{PORTS_MAX, ROUTES_MAX, Settings};
 use mobgate_clock as _;
+use mobgate_flash::sectors::{MARKS_BYTES, Sectors};
 use mobgate_flash::{FlashStore, Image, SharedStore, TEXT_BYTES_MAX, text_bytes_max};
 use mobgate_simulator::flash::{PowerCut, SimFlash};
-use mobgate_simulator::power_cuts::{read, save};
+use mobgate_simulator::power_cuts::{read, save, text, versions};
+use sequential_storage::cache::{Cache, Uncached};
+use sequential_storage::map::{MapConfig, MapStorage};
 
 /// As in an STM32H743: 32-byte words, sectors of 128 KiB.
 type Flash = SimFlash<32, { 128 * 1024 }>;
@@ -303,4 +306,77 @@ fn after_a_save_that_failed_the_settings_are_those_of_the_next_start() {
         old += u32::from(now == b"port old\n");
     }
     assert!(0 < old && old < failed, "{old} of {failed}: the new ones hold where the last write failed");
+}
+
+/// The map of a flash, as any firmware has it.
+fn map(flash: &Flash) -> MapStorage<u16, Sectors<Flash>, Cache<Uncached, Uncached, Uncached, u16>> {
+    let mut sectors = Sectors::new(flash.clone(), 0);
+    block_on(sectors.prepare()).unwrap();
+    let config = const { MapConfig::new(0..2 * (Flash::ERASE_SIZE - MARKS_BYTES) as u32) };
+    MapStorage::new(sectors, config, Cache::new_uncached())
+}
+
+/// Stores a text in pieces with these keys, and a head that begins with `first`.
+fn save_with(flash: &Flash, first: u8, keys: impl IntoIterator<Item = u16>, text: &[u8]) {
+    let (mut map, mut buffer) = (map(flash), [0; 1024]);
+    for (key, piece) in keys.into_iter().zip(text.chunks(1022)) {
+        block_on(map.store_item(&mut buffer, &key, &piece)).unwrap();
+    }
+    let bit = |crc: u32, _| (crc >> 1) ^ if crc & 1 == 1 { 0xedb8_8320 } else { 0 };
+    let crc = !text.iter().fold(!0, |crc, &byte| (0..8).fold(crc ^ u32::from(byte), bit));
+    let head = [&[1, first][..], &(text.len() as u32).to_le_bytes(), &crc.to_le_bytes()].concat();
+    block_on(map.store_item(&mut buffer, &u16::MAX, &&*head)).unwrap();
+}
+
+#[test]
+fn two_copies_as_firmware_before_had_them_are_read_and_leave_room_for_the_longest_text() {
+    let flash = Flash::new(2, 12);
+    // The longest text of a board, and with each copy who saved it.
+    let texts = [text(51_921, 1), text(51_921, 2)];
+    for (copy, text) in (0..).zip(&texts) {
+        save_with(&flash, copy as u8, copy * 0x100.., text);
+        block_on(map(&flash).store_item(&mut [0; 1024], &(u16::MAX - 3 - copy), &&[b'a'; 62][..])).unwrap();
+    }
+    let mut store = open(&flash);
+    assert!(read(&mut store).unwrap() == texts[1]);
+    let versions = versions(&mut store);
+    let nobody = ("-\t-\t".to_owned(), texts[1].clone());
+    assert!(versions == if cfg!(feature = "versions") { vec![nobody] } else { Vec::new() });
+    for seed in 3..9 {
+        let text = text(text_bytes_max::<Flash>(), seed);
+        save(&mut open(&flash), &text).unwrap();
+        assert!(read(&mut open(&flash)).unwrap() == text);
+    }
+}
+
+#[test]
+fn a_text_in_both_halves_is_read_and_saved_over() {
+    let flash = Flash::new(2, 13);
+    let old = text(3_000, 1);
+    // The last place of the first half, and two of the second one.
+    save_with(&flash, 50 << 1, [50, 0x100, 0x101], &old);
+    assert!(read(&mut open(&flash)).unwrap() == old);
+    for seed in 2..6 {
+        let text = text(text_bytes_max::<Flash>(), seed);
+        save(&mut open(&flash), &text).unwrap();
+        assert!(read(&mut open(&flash)).unwrap() == text);
+    }
+}
+
+/// With versions, the place of a text is any.
+#[cfg(not(feature = "versions"))]
+#[test]
+fn firmware_before_reads_what_is_saved_without_versions() {
+    let flash = Flash::new(2, 14);
+    for (nth, copy) in [0, 1, 0, 1].into_iter().enumerate() {
+        let text = text(3_000, nth as u64);
+        save(&mut open(&flash), &text).unwrap();
+        let (mut map, mut buffer) = (map(&flash), [0; 1024]);
+        let head = block_on(map.fetch_item::<&[u8]>(&mut buffer, &u16::MAX)).unwrap().unwrap();
+        assert_eq!(head[..2], [1, copy as u8]);
+        for (piece, number) in text.chunks(1022).zip(0..) {
+            let key = copy * 0x100 + number;
+            assert_eq!(block_on(map.fetch_item::<&[u8]>(&mut buffer, &key)).unwrap(), Some(piece));
+        }
+    }
 }

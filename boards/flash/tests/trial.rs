@@ -6,7 +6,7 @@ use mobgate_clock as _;
 use mobgate_flash::{FlashStore, Image};
 use mobgate_simulator::Random;
 use mobgate_simulator::flash::{SimFlash, Torn};
-use mobgate_simulator::power_cuts::{read, save, text};
+use mobgate_simulator::power_cuts::{read, save, save_as, text, versions};
 
 type Flash = SimFlash<32, { 4 * 1024 }>;
 
@@ -181,4 +181,34 @@ fn a_cut_at_any_step_of_the_way_back_leaves_the_old_settings() {
         read(&mut open(flash, BEFORE)).map(|_| ())
     };
     sweep(50, 2, act, &[(BEFORE, &[b"old"])]);
+}
+
+/// Who saved each version.
+fn names(store: &mut FlashStore<Flash>) -> Vec<String> {
+    versions(store).into_iter().map(|(told, _)| told.replace("-\t-\t", "")).collect()
+}
+
+#[test]
+fn versions_are_those_of_the_trial_until_it_goes_back_and_stay_if_it_is_confirmed() {
+    let flash = Flash::new(2, 60);
+    for (who, text) in [("one", &b"1"[..]), ("two", b"2")] {
+        save_as(&mut open(&flash, BEFORE), (who, None), text).unwrap();
+    }
+    let mut store = open(&flash, TRIAL);
+    let all = |names: &[&str]| if cfg!(feature = "versions") { names.join(" ") } else { String::new() };
+    assert_eq!(names(&mut store).join(" "), all(&["two", "one"]));
+    for who in ["three", "four"] {
+        save_as(&mut store, (who, None), who.as_bytes()).unwrap();
+    }
+    // The second one of a trial is written over the first, behind the settings that may come back.
+    assert_eq!(names(&mut store).join(" "), all(&["four", "two"]));
+    let confirmed = flash.copy(61);
+    assert_eq!(read(&mut open(&flash, BEFORE)).unwrap(), b"2");
+    assert_eq!(names(&mut open(&flash, BEFORE)).join(" "), all(&["two"]));
+    save_as(&mut open(&flash, BEFORE), ("five", None), b"5").unwrap();
+    assert_eq!(names(&mut open(&flash, BEFORE)).join(" "), all(&["five", "two"]));
+
+    let mut store = open(&confirmed, CONFIRMED);
+    assert_eq!(read(&mut store).unwrap(), b"four");
+    assert_eq!(names(&mut store).join(" "), all(&["four", "two"]));
 }

@@ -114,7 +114,8 @@ impl Store for FileStore {
         self.next.clear();
     }
 
-    fn sign(&mut self, who: &dyn fmt::Display) {
+    /// The time is that of the machine's clock when it is committed.
+    fn sign(&mut self, who: &dyn fmt::Display, _: impl FnOnce() -> Option<u64>) {
         self.who = who.to_string();
     }
 
@@ -281,7 +282,7 @@ mod tests {
         read(&mut store).unwrap();
         store.taken_over();
         for (who, port) in [("anna@::1", 1502), ("local console", 1503)] {
-            store.sign(&who);
+            store.sign(&who, || None);
             save(&mut store, &format!("port P1 tcp server {port}\n")).unwrap();
         }
         // Another session's store sees them, too.

@@ -36,7 +36,7 @@ impl Store for Memory {
         Ok(())
     }
 
-    fn sign(&mut self, who: &dyn std::fmt::Display) {
+    fn sign(&mut self, who: &dyn std::fmt::Display, _: impl FnOnce() -> Option<u64>) {
         self.who = who.to_string();
     }
 

@@ -78,7 +78,7 @@ impl Store for Disk {
         self.next.take();
     }
 
-    fn sign(&mut self, who: &dyn std::fmt::Display) {
+    fn sign(&mut self, who: &dyn std::fmt::Display, _: impl FnOnce() -> Option<u64>) {
         *self.who.borrow_mut() = who.to_string();
     }
 }

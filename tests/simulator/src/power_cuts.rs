@@ -91,3 +91,29 @@ pub fn read(store: &mut impl Store) -> Result<Vec<u8>, StoreError> {
         }
     }
 }
+
+/// Saves `text` as `who` does it at a time: microseconds since 1970, if it is known.
+pub fn save_as(
+    store: &mut impl Store,
+    (who, at): (&str, Option<u64>),
+    text: &[u8],
+) -> Result<(), StoreError> {
+    store.sign(&who, || at);
+    save(store, text)
+}
+
+/// What `store` tells of each version, and its text.
+pub fn versions(store: &mut impl Store) -> Vec<(String, Vec<u8>)> {
+    let row = |nth| {
+        let mut told = String::new();
+        store.write_version(nth, &mut told)?.expect("a row");
+        let (mut text, mut chunk) = (Vec::new(), [0; 700]);
+        loop {
+            match block_on(store.read_version(nth, text.len(), &mut chunk)).expect("a text that is whole") {
+                0 => return Some((told, text)),
+                count => text.extend_from_slice(&chunk[..count]),
+            }
+        }
+    };
+    (0..).map_while(row).collect()
+}

@@ -3,7 +3,8 @@
 use embedded_storage_async::nor_flash::NorFlash;
 use mobgate::hal::StoreError;
 
-use super::{FlashStore, HEAD_KEY, reason};
+use super::FlashStore;
+use super::items::{HEAD_KEY, reason};
 
 /// Bytes of the secret.
 pub const SECRET_BYTES: usize = 32;

@@ -1,48 +1,121 @@
-//! Who saved the text that is valid and the one before it.
+//! The last texts that were saved: where they are, when they were saved, and by whom.
 
-use core::fmt::{self, Write};
+use core::fmt::{self, Display, Write};
 
-use heapless::String;
+use embedded_storage_async::nor_flash::NorFlash;
+use heapless::{String, Vec};
+use mobgate::gateway::date::Date;
 
+use super::ring::{RECORD_BYTES, Ring, VERSIONS_MAX, WHO_BYTES_MAX, pieces, versions_max};
 use crate::head::{HEAD_BYTES, Head};
 
-/// Who saves: a name with an address. What does not fit is left out.
-pub(crate) type Who = String<WHO_BYTES_MAX>;
-const WHO_BYTES_MAX: usize = 52;
+/// Microseconds of a second.
+const SECOND: u64 = 1_000_000;
 
-/// Who saves, in words.
-pub(crate) fn who(who: &dyn fmt::Display) -> Who {
-    let mut words = Who::new();
-    // See `Who`.
-    let _ = write!(words, "{who}");
-    words
+/// Who saves, and when.
+#[derive(Default)]
+pub(crate) struct Signature {
+    /// Seconds since 1970 began; 0 if the time is unknown.
+    at: u32,
+    /// A name with an address. What does not fit is left out.
+    who: String<WHO_BYTES_MAX>,
 }
 
-/// Bytes of a copy's item: its head, and who saved it.
-pub(super) const VERSION_BYTES_MAX: usize = HEAD_BYTES + WHO_BYTES_MAX;
+impl Signature {
+    /// Nobody's.
+    pub(crate) const fn new() -> Self {
+        Self { at: 0, who: String::new() }
+    }
 
-/// Each copy's head, and who saved it.
+    pub(crate) fn of(who: &dyn Display, when: impl FnOnce() -> Option<u64>) -> Self {
+        let at = when().and_then(|us| u32::try_from(us / SECOND).ok()).unwrap_or_default();
+        let mut words = String::new();
+        // See `who`.
+        let _ = write!(words, "{who}");
+        Self { at, who: words }
+    }
+}
+
+/// What is known of a version, as it is in the flash.
+pub(super) type Record = [u8; RECORD_BYTES];
+
+fn record(head: Head, signature: &Signature) -> Record {
+    let mut record = [0; RECORD_BYTES];
+    let known = head.to_bytes().into_iter().chain(signature.at.to_le_bytes());
+    record.iter_mut().zip(known.chain(signature.who.bytes())).for_each(|(to, from)| *to = from);
+    record
+}
+
+/// The head of a version; `None` if another firmware version wrote it.
+pub(super) fn head(record: &Record) -> Option<Head> {
+    Head::from_bytes(record.first_chunk::<HEAD_BYTES>()?)
+}
+
+/// When a version was saved, and by whom: as a store tells it.
+pub(super) struct Told<'v>(&'v [u8]);
+
+impl Display for Told<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Some((at, who)) = self.0.split_first_chunk() else { return Ok(()) };
+        match u32::from_le_bytes(*at) {
+            0 => f.write_str("-")?,
+            at => Date(u64::from(at) * SECOND).fmt(f)?,
+        }
+        let who = who.split(|byte| *byte == 0).next().unwrap_or_default();
+        write!(f, "\t-\t{}", core::str::from_utf8(who).unwrap_or_default())
+    }
+}
+
+/// The versions, from the valid text on to the oldest.
 pub(super) struct Versions {
-    pub(super) copies: [Option<(Head, Who)>; 2],
-    /// Who makes the next one.
-    pub(super) signed: Who,
+    pub(super) records: Vec<Record, VERSIONS_MAX>,
+    /// Whose the next one is.
+    pub(super) signed: Signature,
 }
 
 impl Versions {
     pub(super) const fn new() -> Self {
-        Self { copies: [const { None }; 2], signed: String::new() }
+        Self { records: Vec::new(), signed: Signature::new() }
     }
 
-    pub(super) fn sign(&mut self, who: &dyn fmt::Display) {
-        self.signed = self::who(who);
+    /// The version `nth`.
+    pub(super) fn get(&self, nth: usize) -> Option<(Head, Told<'_>)> {
+        let record = self.records.get(nth)?;
+        Some((head(record)?, Told(record.get(HEAD_BYTES..)?)))
     }
 
-    /// The copy is being overwritten.
-    pub(super) fn forget(&mut self, copy: u8) {
-        self.set(copy, None);
+    /// Makes the text of `head` the first one.
+    pub(super) fn add<F: NorFlash>(&mut self, head: Head, signature: &Signature) {
+        self.records.truncate(versions_max(Ring::<F>::PLACES) - 1);
+        // Sized for it.
+        let _ = self.records.insert(0, record(head, signature));
     }
 
-    pub(super) fn set(&mut self, copy: u8, version: Option<(Head, Who)>) {
-        self.copies.get_mut(usize::from(copy)).into_iter().for_each(|place| *place = version.clone());
+    /// Drops what was saved after `valid`, which holds again. Other firmware may have saved it: then nobody is known to have.
+    pub(super) fn go_back<F: NorFlash>(&mut self, valid: Option<Head>) {
+        let Some(valid) = valid else { return self.records.clear() };
+        match self.records.iter().position(|record| head(record) == Some(valid)) {
+            Some(nth) => (0..nth).for_each(|_| _ = self.records.remove(0)),
+            None => self.add::<F>(valid, &Signature::new()),
+        }
+    }
+
+    /// Drops the version that has a piece in `place`, which is being overwritten.
+    pub(super) fn give_up<F: NorFlash>(&mut self, place: usize) {
+        let is_there = |head| {
+            let nth = (place + Ring::<F>::PLACES - Ring::<F>::place(head, 0)) % Ring::<F>::PLACES;
+            nth < pieces(head)
+        };
+        self.records.retain(|record| !head(record).is_none_or(is_there));
+    }
+
+    /// Where the next text begins: behind the valid one. With all versions there, the ring begins anew as soon as the longest text would
+    /// not reach the valid one: what is in further places would have to be moved with each full sector.
+    pub(super) fn next<F: NorFlash>(&self, valid: Option<Head>) -> u8 {
+        let Some(valid) = valid else { return 0 };
+        let start = Ring::<F>::place(valid, 0);
+        let is_out_of_reach = start >= Ring::<F>::HALF && start + pieces(valid) <= Ring::<F>::PLACES;
+        let is_last = self.records.iter().filter_map(head).all(|head| Ring::<F>::place(head, 0) <= start);
+        if is_out_of_reach && is_last && self.records.is_full() { 0 } else { Ring::<F>::behind(valid) }
     }
 }

@@ -17,6 +17,7 @@ const SERVED: usize = 8;
 const STATUS: &str = "/api/v1/status";
 const CANDIDATE: &str = "/api/v1/settings/candidate";
 const COMMIT: &str = "/api/v1/settings/commit";
+const VERSIONS: &str = "/api/v1/settings/versions";
 
 struct Bench {
     // Ended before its folder goes.
@@ -145,6 +146,14 @@ fn the_board_is_watched_and_set_and_what_was_committed_outlives_the_power() {
     bench.request("GET", STATUS).bearer(&token).gets(401);
     assert!(bench.settings(&bench.token("vera")).contains("248"));
     assert_eq!(bench.machine.client().read(248, 5, 1), registers(3, 5, 1));
+    let token = bench.token("anna");
+    let saved = bench.request("GET", VERSIONS).bearer(&token).gets(200).json();
+    let who = |nth: usize| saved["versions"][nth]["who"].clone();
+    assert_eq!([0, 1, 2].map(who), [json!("anna@10.0.2.2"), json!("local console"), Value::Null], "{saved}");
+    bench.request("POST", VERSIONS).bearer(&token).json("{\"version\":2}").gets(409);
+    bench.request("POST", VERSIONS).bearer(&token).json("{\"version\":1}").gets(204);
+    bench.request("POST", COMMIT).bearer(&token).json("{}").gets(204);
+    assert!(!bench.settings(&token).contains("248"), "the settings from before");
 }
 
 #[test]

@@ -52,7 +52,7 @@ fn run(seed: u64, steps: usize) -> usize {
     for step in 0..steps {
         let context = format!("seed {seed}, step {step}");
         // Mostly short ones.
-        let pieces = [1, 1, 1, 2, BUDGET / 2][random.index(if seed % 2 == 0 { 3 } else { 5 })];
+        let pieces = [1, 1, 1, 2, BUDGET / 2][random.index(if seed.is_multiple_of(2) { 3 } else { 5 })];
         let content = text(random.within(1..=(pieces * PIECE) as u64) as usize, random.bits());
         match random.index(10) {
             0 => store = open(&flash),
@@ -81,7 +81,7 @@ fn run(seed: u64, steps: usize) -> usize {
         assert!(kept.starts_with(&least.texts) && kept.is_empty() == all.texts.is_empty(), "{context}");
         let valid = kept.first().map(|(_, text)| text.clone()).unwrap_or_default();
         assert!(read(&mut store).unwrap() == valid, "{context}");
-        if step % 16 == 0 {
+        if step.is_multiple_of(16) {
             assert!(versions(&mut open(&flash)) == kept, "{context}, after a restart");
         }
         most = most.max(kept.len());

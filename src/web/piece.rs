@@ -12,6 +12,10 @@ pub(super) type Piece = StringView;
 pub(super) const SHORT_BYTES: usize = if cfg!(feature = "long-requests") { 1_024 } else { 512 };
 pub(super) type ShortPiece = String<SHORT_BYTES>;
 
+/// Bytes of the longest response that is made before it is sent.
+pub(super) const TEXT_BYTES_MAX: usize = if cfg!(feature = "long-requests") { 2_048 } else { 768 };
+pub(super) type Text = String<TEXT_BYTES_MAX>;
+
 /// What responses are made of.
 #[derive(Clone, Copy)]
 pub(super) struct Source<'a, 'g> {

@@ -16,7 +16,7 @@ use super::job;
 use super::json::Quoted;
 use super::metrics::Metrics;
 use super::page::File;
-use super::piece::{Piece, ShortPiece, Source};
+use super::piece::{Piece, ShortPiece, Source, TEXT_BYTES_MAX, Text};
 use super::session;
 use super::settings::{Schema, Written};
 use super::status::Status;
@@ -29,9 +29,6 @@ use crate::gateway::difference::Difference;
 use crate::gateway::web::{Hold, Token};
 use crate::language::LineError;
 
-/// Bytes of the longest response that is made before it is sent.
-pub(super) const TEXT_BYTES_MAX: usize = if cfg!(feature = "long-requests") { 2_048 } else { 768 };
-pub(super) type Text = String<TEXT_BYTES_MAX>;
 /// A message, which is cut if it is longer.
 pub(super) type Message = String<{ TEXT_BYTES_MAX / 4 }>;
 

@@ -5,8 +5,7 @@ use core::fmt::{self, Write as _};
 use heapless::String;
 
 use super::json::Quoted;
-use super::piece::Piece;
-use super::response::{TEXT_BYTES_MAX, Text};
+use super::piece::{Piece, TEXT_BYTES_MAX, Text};
 use crate::hal::Store;
 
 /// Fits what a store tells of a version.

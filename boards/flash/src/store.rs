@@ -22,11 +22,10 @@ mod items;
 mod ring;
 mod secret;
 
-pub use self::items::TEXT_BYTES_MAX;
 use self::items::{HEAD_KEY, KEY_BYTES, Map, PIECE_BYTES, TRIAL_KEY, map, reason};
+pub use self::items::{SECRET_BYTES, TEXT_BYTES_MAX};
 pub use self::ring::text_bytes_max;
 use self::ring::{Ring, pieces};
-pub use self::secret::SECRET_BYTES;
 pub(crate) use self::versions::Signature;
 use self::versions::Versions;
 

@@ -16,6 +16,9 @@ use crate::sectors::{SECTORS, Sectors};
 /// fails with [`StoreError::Full`].
 pub const TEXT_BYTES_MAX: usize = (PORTS_MAX + ROUTES_MAX + 1) * (LINE_BYTES_MAX + 1);
 
+/// Bytes of the secret.
+pub const SECRET_BYTES: usize = 32;
+
 pub(super) const KEY_BYTES: usize = size_of::<u16>();
 /// Bytes of a piece. With its key it is a whole number of flash words.
 pub(super) const PIECE_BYTES: usize = 1024 - KEY_BYTES;

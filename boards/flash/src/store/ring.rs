@@ -11,8 +11,7 @@ use core::marker::PhantomData;
 
 use embedded_storage_async::nor_flash::NorFlash;
 
-use super::items::{HALF_MAX, PIECE_BYTES, TEXT_BYTES_MAX, item_bytes, sector_bytes};
-use super::secret::SECRET_BYTES;
+use super::items::{HALF_MAX, PIECE_BYTES, SECRET_BYTES, TEXT_BYTES_MAX, item_bytes, sector_bytes};
 use crate::head::{HEAD_BYTES, Head, TRIAL_BYTES};
 
 /// Versions that are kept, the valid text among them. Images without them leave the room, so that each reads the other's settings.

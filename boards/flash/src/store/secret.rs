@@ -4,10 +4,8 @@ use embedded_storage_async::nor_flash::NorFlash;
 use mobgate::hal::StoreError;
 
 use super::FlashStore;
-use super::items::{HEAD_KEY, reason};
+use super::items::{HEAD_KEY, SECRET_BYTES, reason};
 
-/// Bytes of the secret.
-pub const SECRET_BYTES: usize = 32;
 const SECRET_KEY: u16 = HEAD_KEY - 2;
 
 impl<F: NorFlash> FlashStore<F> {

@@ -6,6 +6,7 @@
 //! start, so an erase that runs from one end to the other clears `erased` before `erasing`, or clears `erasing` when all else is
 //! gone.
 
+use embassy_futures::yield_now;
 use embedded_storage_async::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
 
 /// Bytes of a mark: the longest flash word of any supported chip, and far more bits than could change by chance.
@@ -17,6 +18,9 @@ const ERASED: [u8; MARK_BYTES] = *b"mobgate settings, sector erased\n";
 /// Erase started: the sector's content is void.
 const ERASING: [u8; MARK_BYTES] = [0; MARK_BYTES];
 const BLANK: u8 = 0xff;
+/// Bytes of a read after which no other task need run: an item's head, or a small item.
+const SHORT_READ_BYTES: usize = 64;
+
 /// Number of sectors.
 pub const SECTORS: u32 = 2;
 
@@ -81,8 +85,13 @@ impl<F: NorFlash> ReadNorFlash for Sectors<F> {
     // partially written word is less reliable than all of them.
     const READ_SIZE: usize = F::WRITE_SIZE;
 
-    fn read(&mut self, offset: u32, bytes: &mut [u8]) -> impl Future<Output = Result<(), F::Error>> {
-        self.flash.read(self.place(offset), bytes)
+    /// The map reads all items to find one of them, and checks each: other tasks run between.
+    async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), F::Error> {
+        self.flash.read(self.place(offset), bytes).await?;
+        if bytes.len() > SHORT_READ_BYTES {
+            yield_now().await;
+        }
+        Ok(())
     }
 
     fn capacity(&self) -> usize {

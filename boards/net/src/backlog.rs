@@ -110,7 +110,8 @@ impl Backlog {
     pub(crate) fn has_next(&self, context: &Context<'_>) -> bool {
         let mut waiting = self.waiting.borrow_mut();
         waiting.retain(|waiting| !has_passed(WAITS_MAX, waiting.since));
-        let next = waiting.iter().position(|waiting| Syn::of(&waiting.frame).is_some_and(|syn| self.gives(syn)));
+        let next =
+            waiting.iter().position(|waiting| Syn::of(&waiting.frame).is_some_and(|syn| self.gives(syn)));
         if let Some(next) = next {
             let last = waiting.len() - 1;
             waiting.swap(next, last);

@@ -17,7 +17,7 @@
 //! # What a save costs
 //!
 //! Settings of 2 KiB take 2 pieces and a head, so a sector takes some 60 saves before the other one is erased; with versions, which are
-//! moved then, some 25. The first time after a start each of them is looked for through all items, up to 15 MB of reading, between which
+//! moved then, some 25. The first time after a start each piece is looked for through all items, up to 15 MB of reading, between which
 //! other tasks run. Erasing takes as long as the chip says (1 s for 128 KiB is usual). Chips that can run code meanwhile carry on.
 //! On others, every task stalls for that time: bytes from serial lines wait in DMA buffers, TCP peers retransmit, and timers that
 //! expired during the stall see the received bytes first.

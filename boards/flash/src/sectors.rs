@@ -86,12 +86,17 @@ impl<F: NorFlash> ReadNorFlash for Sectors<F> {
     const READ_SIZE: usize = F::WRITE_SIZE;
 
     /// The map reads all items to find one of them, and checks each: other tasks run between.
-    async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), F::Error> {
-        self.flash.read(self.place(offset), bytes).await?;
-        if bytes.len() > SHORT_READ_BYTES {
-            yield_now().await;
+    fn read(&mut self, offset: u32, bytes: &mut [u8]) -> impl Future<Output = Result<(), F::Error>> {
+        let is_long = bytes.len() > SHORT_READ_BYTES;
+        // Not an `async fn`, which would keep its arguments twice.
+        let read = self.flash.read(self.place(offset), bytes);
+        async move {
+            read.await?;
+            if is_long {
+                yield_now().await;
+            }
+            Ok(())
         }
-        Ok(())
     }
 
     fn capacity(&self) -> usize {

@@ -132,7 +132,7 @@ impl<F: NorFlash> FlashStore<F> {
         let bytes = found.unwrap_or_default();
         self.has_trial = !bytes.is_empty();
         let Some((head, image)) = trial_from_bytes(bytes) else { return Ok(None) };
-        if self.head == Ok(Some(head)) || image != self.image.id {
+        if matches!(self.head, Ok(Some(valid)) if valid == head) || image != self.image.id {
             return Ok(None);
         }
         self.check(&head).await?;
@@ -239,7 +239,7 @@ impl<F: NorFlash> FlashStore<F> {
     /// Writes the last piece of `next`, of `bytes` bytes.
     async fn store_piece(&mut self, next: &Next, bytes: usize) -> Result<(), StoreError> {
         let nth = (next.length - 1) / PIECE_BYTES;
-        self.versions.give_up::<F>(Ring::<F>::place(next.head, nth));
+        self.give_up_version(Ring::<F>::place(next.head, nth)).await?;
         let key = Ring::<F>::key(next.head, nth);
         let piece = self.piece.get(..bytes).unwrap_or_default();
         let map = self.map.as_mut().ok_or(StoreError::Failed)?;
@@ -335,6 +335,9 @@ impl<F: NorFlash> Store for FlashStore<F> {
         into: &mut [u8],
     ) -> Result<usize, StoreError> {
         let Some((head, _)) = self.version(nth) else { return Ok(0) };
+        if offset == 0 {
+            self.check(&head).await?;
+        }
         self.read_text(head, offset, into).await
     }
 }

@@ -102,18 +102,23 @@ pub fn save_as(
     save(store, text)
 }
 
+/// The text of version `nth`.
+pub fn read_version(store: &mut impl Store, nth: usize) -> Result<Vec<u8>, StoreError> {
+    let (mut text, mut chunk) = (Vec::new(), [0; 700]);
+    loop {
+        match block_on(store.read_version(nth, text.len(), &mut chunk))? {
+            0 => return Ok(text),
+            count => text.extend_from_slice(&chunk[..count]),
+        }
+    }
+}
+
 /// What `store` tells of each version, and its text.
 pub fn versions(store: &mut impl Store) -> Vec<(String, Vec<u8>)> {
     let row = |nth| {
         let mut told = String::new();
         store.write_version(nth, &mut told)?.expect("a row");
-        let (mut text, mut chunk) = (Vec::new(), [0; 700]);
-        loop {
-            match block_on(store.read_version(nth, text.len(), &mut chunk)).expect("a text that is whole") {
-                0 => return Some((told, text)),
-                count => text.extend_from_slice(&chunk[..count]),
-            }
-        }
+        Some((told, read_version(store, nth).expect("a text that is whole")))
     };
     (0..).map_while(row).collect()
 }

@@ -15,6 +15,10 @@ impl<F: NorFlash> FlashStore<F> {
         Ok(())
     }
 
+    pub(super) async fn give_up_version(&mut self, _: usize) -> Result<(), StoreError> {
+        Ok(())
+    }
+
     pub(super) fn version(&self, _: usize) -> Option<(Head, Infallible)> {
         None
     }

@@ -32,8 +32,6 @@ impl Versions {
 
     pub(super) fn go_back<F: NorFlash>(&mut self, _: Option<Head>) {}
 
-    pub(super) fn give_up<F: NorFlash>(&mut self, _: usize) {}
-
     /// Where the next text begins: as in firmware before, which reads it, in the half where the valid one is not. That may be in both if an
     /// image with versions has saved it.
     pub(super) fn next<F: NorFlash>(&self, valid: Option<Head>) -> u8 {

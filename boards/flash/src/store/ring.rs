@@ -17,14 +17,16 @@ use crate::head::{HEAD_BYTES, Head, TRIAL_BYTES};
 /// Versions that are kept, the valid text among them. Images without them leave the room, so that each reads the other's settings.
 pub(super) const VERSIONS_MAX: usize = 10;
 /// Bytes of who saved a version.
-pub(super) const WHO_BYTES_MAX: usize = 52;
-/// Bytes of what is known of a version: its head, when it was saved, and by whom.
-pub(super) const RECORD_BYTES: usize = HEAD_BYTES + size_of::<u32>() + WHO_BYTES_MAX;
+const WHO_BYTES_MAX: usize = 52;
+/// Bytes of when a version was saved, and by whom.
+pub(super) const SIGNATURE_BYTES: usize = size_of::<u32>() + WHO_BYTES_MAX;
+/// Bytes of what is known of a version: its head and its signature.
+pub(super) const RECORD_BYTES: usize = HEAD_BYTES + SIGNATURE_BYTES;
 /// Bytes of the same in firmware before, which had an item for each copy. The list takes the place of one of them.
 const COPY_RECORD_BYTES: usize = HEAD_BYTES + WHO_BYTES_MAX;
 
-// A head has seven bits for them, and the check of the versions four bytes of a piece for each.
-const _: () = assert!(HALF_MAX < 128 && 2 * HALF_MAX <= PIECE_BYTES / size_of::<u32>());
+// A head has seven bits for them.
+const _: () = assert!(HALF_MAX < 128);
 /// Set in the keys of the second half.
 pub(super) const HALF_BIT: u16 = 0x100;
 

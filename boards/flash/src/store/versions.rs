@@ -3,36 +3,39 @@
 use core::fmt::{self, Display, Write};
 
 use embedded_storage_async::nor_flash::NorFlash;
-use heapless::{String, Vec};
+use heapless::Vec;
 use mobgate::gateway::date::Date;
 
-use super::ring::{RECORD_BYTES, Ring, VERSIONS_MAX, WHO_BYTES_MAX, pieces, versions_max};
+use super::ring::{RECORD_BYTES, Ring, SIGNATURE_BYTES, VERSIONS_MAX, pieces, versions_max};
 use crate::head::{HEAD_BYTES, Head};
 
 /// Microseconds of a second.
 const SECOND: u64 = 1_000_000;
 
-/// Who saves, and when.
-#[derive(Default)]
-pub(crate) struct Signature {
-    /// Seconds since 1970 began; 0 if the time is unknown.
-    at: u32,
-    /// A name with an address. What does not fit is left out.
-    who: String<WHO_BYTES_MAX>,
-}
+/// Who saves, and when, as it is in the flash: seconds since 1970 began, 0 if the time is unknown; and a name with an address, behind which
+/// are zeros. What does not fit is left out.
+pub(crate) struct Signature([u8; SIGNATURE_BYTES]);
 
 impl Signature {
     /// Nobody's.
     pub(crate) const fn new() -> Self {
-        Self { at: 0, who: String::new() }
+        Self([0; SIGNATURE_BYTES])
     }
 
     pub(crate) fn of(who: &dyn Display, when: impl FnOnce() -> Option<u64>) -> Self {
         let at = when().and_then(|us| u32::try_from(us / SECOND).ok()).unwrap_or_default();
-        let mut words = String::new();
-        // See `who`.
-        let _ = write!(words, "{who}");
-        Self { at, who: words }
+        let mut bytes = Vec::<u8, SIGNATURE_BYTES>::new();
+        // Sized for the time; of the name see above.
+        let _ = bytes.extend_from_slice(&at.to_le_bytes());
+        let _ = write!(bytes, "{who}");
+        let _ = bytes.resize_default(SIGNATURE_BYTES);
+        Self(bytes.into_array().unwrap_or([0; SIGNATURE_BYTES]))
+    }
+}
+
+impl Default for Signature {
+    fn default() -> Self {
+        Self::new()
     }
 }
 
@@ -41,8 +44,10 @@ pub(super) type Record = [u8; RECORD_BYTES];
 
 fn record(head: Head, signature: &Signature) -> Record {
     let mut record = [0; RECORD_BYTES];
-    let known = head.to_bytes().into_iter().chain(signature.at.to_le_bytes());
-    record.iter_mut().zip(known.chain(signature.who.bytes())).for_each(|(to, from)| *to = from);
+    if let Some((first, rest)) = record.split_first_chunk_mut() {
+        *first = head.to_bytes();
+        rest.copy_from_slice(&signature.0);
+    }
     record
 }
 
@@ -100,13 +105,15 @@ impl Versions {
         }
     }
 
-    /// Drops the version that has a piece in `place`, which is being overwritten.
-    pub(super) fn give_up<F: NorFlash>(&mut self, place: usize) {
+    /// Drops the version that has a piece in `place`; whether there was one.
+    pub(super) fn give_up<F: NorFlash>(&mut self, place: usize) -> bool {
         let is_there = |head| {
             let nth = (place + Ring::<F>::PLACES - Ring::<F>::place(head, 0)) % Ring::<F>::PLACES;
             nth < pieces(head)
         };
+        let count = self.records.len();
         self.records.retain(|record| !head(record).is_none_or(is_there));
+        self.records.len() < count
     }
 
     /// Where the next text begins: behind the valid one. With all versions there, the ring begins anew as soon as the longest text would

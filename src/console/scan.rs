@@ -47,8 +47,7 @@ pub(super) struct Scan {
     begun: Instant,
     told: Told,
     stage: Stage,
-    /// The current speed and format, and its number.
-    line: LineSettings,
+    /// The number of the current speed and format, from 1.
     nth: usize,
     /// The next unit.
     unit: usize,
@@ -94,7 +93,6 @@ impl Session<'_, '_> {
             "about {about}; a key stops it. Requests through this port get 0A meanwhile."
         ));
         let scan = Scan {
-            line: plan.own,
             plan,
             at: [0; 256],
             begun: Instant::now(),
@@ -118,6 +116,11 @@ impl Session<'_, '_> {
 }
 
 impl Scan {
+    /// The current speed and format.
+    fn tried(&self) -> LineSettings {
+        self.nth.checked_sub(1).and_then(|nth| self.plan.line(nth)).unwrap_or(self.plan.own)
+    }
+
     /// Runs the next step after `event`.
     pub(super) fn step(&mut self, session: &mut Session<'_, '_>, event: WaitEvent) -> Wait {
         match (self.stage, event) {
@@ -134,7 +137,7 @@ impl Scan {
             (_, WaitEvent::Typed(_)) => self.end(session),
             (Stage::Line, _) => return self.next_line(session),
             (Stage::Opening, WaitEvent::Opened(Err(error))) => {
-                session.out.line(format_args!("{:12} {error}", self.line.speed()));
+                session.out.line(format_args!("{:12} {error}", self.tried().speed()));
                 // Another speed or format may be supported, but a missing device stays missing.
                 match error.kind {
                     OpenErrorKind::Unsupported => self.stage = Stage::Line,
@@ -183,7 +186,6 @@ impl Scan {
         let left = self.plan.time_from(self.nth - 1);
         let here = About(left - self.plan.time_from(self.nth));
         session.out.line(format_args!("{:12} about {here}; in all {} left", line.speed(), About(left)));
-        self.line = line;
         self.stage = Stage::Opening;
         Wait::Open { line, timeout: self.plan.patience(&line), alone: true }
     }
@@ -197,11 +199,11 @@ impl Scan {
         }
         if self.unit > last {
             self.stage = Stage::Listening;
-            let rest = if self.again { Duration::from_ticks(0) } else { self.plan.rest(&self.line) };
+            let rest = if self.again { Duration::from_ticks(0) } else { self.plan.rest(&self.tried()) };
             return Wait::Rest(rest);
         }
         if self.told.is_due() {
-            session.out.line(format_args!("{:12} unit {}", self.line.speed(), self.unit));
+            session.out.line(format_args!("{:12} unit {}", self.tried().speed(), self.unit));
         }
         self.flaws = session.heard(self.plan.port, &FLAWS);
         self.stage = Stage::Asked;
@@ -211,14 +213,14 @@ impl Scan {
     /// Ends a speed and format. After late responses, some units are asked again.
     fn end_of_units(&mut self, session: &mut Session<'_, '_>) -> Wait {
         self.note_late(session);
-        let speed = self.line.speed();
+        let speed = self.tried().speed();
         let slow = self.at.iter().filter(|at| **at == SLOW_UNIT).count();
         if slow > 0 && !self.again {
             let timeout = Time(SLOW);
             session.out.line(format_args!("{speed:12} slower units: timeout {timeout}, {slow} asked again"));
             self.again = true;
             self.stage = Stage::Opening;
-            return Wait::Open { line: self.line, timeout: SLOW, alone: true };
+            return Wait::Open { line: self.tried(), timeout: SLOW, alone: true };
         }
         self.again = false;
         self.at.iter_mut().filter(|at| **at == SLOW_UNIT).for_each(|at| *at = 0);
@@ -234,11 +236,11 @@ impl Scan {
     /// A late response comes from one of the units asked last.
     fn note_late(&mut self, session: &Session<'_, '_>) {
         let late = session.heard(self.plan.port, &LATE);
-        if late == self.late || self.again || self.plan.patience(&self.line) >= SLOW {
+        if late == self.late || self.again || self.plan.patience(&self.tried()) >= SLOW {
             return;
         }
         self.late = late;
-        let count = self.plan.slow_units(&self.line).min(self.unit);
+        let count = self.plan.slow_units(&self.tried()).min(self.unit);
         let asked = self.at.iter_mut().take(self.unit).skip(self.plan.units.first.into());
         asked.rev().take(count).filter(|at| **at == 0).for_each(|at| *at = SLOW_UNIT);
     }
@@ -253,8 +255,8 @@ impl Scan {
             // A faulty character means another format, even if the CRC is right.
             Some(Ok(took)) if answered && session.heard(self.plan.port, &FLAWS) == self.flaws => {
                 self.at.iter_mut().skip(unit).take(1).for_each(|at| *at = self.nth as u8);
-                let took = to_first_char(took, self.plan.framing, &self.line, session.pdu.len());
-                let (speed, took, how) = (self.line.speed(), Time(took), Answered(&session.pdu));
+                let took = to_first_char(took, self.plan.framing, &self.tried(), session.pdu.len());
+                let (speed, took, how) = (self.tried().speed(), Time(took), Answered(&session.pdu));
                 session.out.put(format_args!("unit {unit:>3} {speed:12} {took} {how}"));
                 self.identify(session, &IDENTIFY)
             }

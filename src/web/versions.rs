@@ -2,14 +2,10 @@
 
 use core::fmt::{self, Write as _};
 
-use heapless::String;
-
 use super::json::Quoted;
 use super::piece::{Piece, TEXT_BYTES_MAX, Text};
 use crate::hal::Store;
 
-/// Fits what a store tells of a version.
-const VERSION_BYTES_MAX: usize = 128;
 /// A board's versions all fit: the time, no number of lines, and 52 characters of who, with tabs between and an end.
 const _: () = assert!(TEXT_BYTES_MAX >= 10 * ("2026-11-25T21:40:02Z\t-\t\n".len() + 52));
 
@@ -17,44 +13,61 @@ const _: () = assert!(TEXT_BYTES_MAX >= 10 * ("2026-11-25T21:40:02Z\t-\t\n".len(
 pub(super) struct Versions {
     /// A line for each.
     known: Text,
-    /// The next piece: the head, a line each, the end.
-    piece: usize,
+    /// Where the next one begins in it.
+    at: u16,
+    stage: Stage,
+}
+
+/// What comes next.
+#[derive(Clone, Copy)]
+enum Stage {
+    Head,
+    Row(u8),
+    Nothing,
 }
 
 impl Versions {
     pub(super) fn of(store: &mut impl Store) -> Self {
         let mut known = Text::new();
         for nth in 0.. {
-            let mut line = String::<VERSION_BYTES_MAX>::new();
-            // What does not fit is cut, and so are versions that do not.
-            if store.write_version(nth, &mut line).is_none() || known.len() + line.len() >= known.capacity() {
+            let length = known.len();
+            let written = store.write_version(nth, &mut known).and_then(Result::ok);
+            // Those that do not fit are left out.
+            if written.is_none() || known.push('\n').is_err() {
+                known.truncate(length);
                 break;
             }
-            let _ = writeln!(known, "{line}");
         }
-        Self { known, piece: 0 }
+        Self { known, at: 0, stage: Stage::Head }
     }
 
     /// Writes the next piece; `false`: there was none. After an error it is still the next one.
     pub(super) fn next(&mut self, out: &mut Piece) -> Result<bool, fmt::Error> {
-        match self.piece.checked_sub(1) {
-            None => out.write_str("{\"versions\":[")?,
-            Some(nth) => {
-                // An empty one behind the last.
-                let mut lines = self.known.split('\n').skip(nth);
-                match (lines.next(), lines.next()) {
-                    (Some(line), Some(_)) => write_row(nth, line, out)?,
-                    (Some(_), None) => out.write_str("]}")?,
-                    (None, _) => return Ok(false),
+        self.stage = match self.stage {
+            Stage::Head => {
+                out.write_str("{\"versions\":[")?;
+                Stage::Row(0)
+            }
+            Stage::Row(nth) => {
+                match self.known.get(usize::from(self.at)..).and_then(|rest| rest.split_once('\n')) {
+                    Some((line, _)) => {
+                        write_row(nth, line, out)?;
+                        self.at += line.len() as u16 + 1;
+                        Stage::Row(nth + 1)
+                    }
+                    None => {
+                        out.write_str("]}")?;
+                        Stage::Nothing
+                    }
                 }
             }
-        }
-        self.piece += 1;
+            Stage::Nothing => return Ok(false),
+        };
         Ok(true)
     }
 }
 
-fn write_row(nth: usize, line: &str, out: &mut Piece) -> fmt::Result {
+fn write_row(nth: u8, line: &str, out: &mut Piece) -> fmt::Result {
     let mut cells = line.splitn(3, '\t');
     let [time, lines, who] = [(); 3].map(|()| Quoted(cells.next().unwrap_or_default()));
     let comma = if nth > 0 { "," } else { "" };

@@ -5,7 +5,7 @@ use super::untaken::Untaken;
 use crate::gateway::commit::Uncommitted;
 use crate::gateway::{Gateway, reconfigure};
 use crate::language::apply;
-use crate::settings::Settings;
+use crate::settings::{MQTT, Settings};
 
 /// Why nothing was changed.
 // Passed on once, and there is no heap for the larger one.
@@ -22,7 +22,7 @@ impl From<Uncommitted> for Unchanged {
 }
 
 /// Applies `lines` to the candidate, or to an empty one if `replaces`; begins one if necessary.
-/// Calls `warn` for likely mistakes. A user who keeps the name keeps the password, because its hash is never shown.
+/// Calls `warn` for likely mistakes. A user or publisher that keeps the name keeps the password, because that is never shown.
 pub(super) async fn change(
     gateway: &Gateway<'_>,
     lines: Lines<'_>,
@@ -63,5 +63,12 @@ pub(super) async fn change(
 fn keep_passwords(new: &mut Settings, old: &Settings) {
     for user in new.users.iter_mut().filter(|user| user.password.is_none()) {
         user.password = old.user(&user.name).and_then(|old| old.password.clone());
+    }
+    if MQTT {
+        for publisher in new.publishers.iter_mut().filter(|publisher| publisher.password.is_empty()) {
+            let same =
+                old.publishers.iter().find(|old| old.name == publisher.name && old.user == publisher.user);
+            same.iter().for_each(|old| publisher.password.clone_from(&old.password));
+        }
     }
 }

@@ -158,6 +158,26 @@ fn roles_are_those_of_the_commands() {
 }
 
 #[test]
+fn a_whole_text_that_is_put_back_keeps_the_passwords_of_publishers() {
+    const PUBLISHED: &str = "publish plant mqtt broker 127.0.0.1:1 user gateway";
+    let web = with(&format!("{P502}{PUBLISHED} password \"let me in\"\n"));
+    let token = web.token("anna");
+    let request = |method, path: &str| web.request(method, &format!("/api/v1/settings{path}")).bearer(&token);
+    let shown = request("GET", "").gets(200).body;
+    assert!(shown.contains(PUBLISHED) && !shown.contains("let me in"), "{shown}");
+    let saved = |text: &str| {
+        request("PUT", "/candidate").lines(text).gets(200);
+        request("POST", "/commit").json("{}").gets(204);
+        fs::read_to_string(web.program.config()).unwrap()
+    };
+    let kept = saved(&format!("{shown}route P502 10 * * local\n"));
+    assert!(kept.contains("P502 10") && kept.contains("let me in"), "{kept}");
+    // The password was that of another user.
+    let another = saved(&shown.replace("user gateway", "user somebody"));
+    assert!(another.contains("user somebody") && !another.contains("let me in"), "{another}");
+}
+
+#[test]
 fn lines_become_a_candidate_and_a_commit_puts_it_in_force_and_saves_it() {
     let web = with(P502);
     let token = web.token("anna");

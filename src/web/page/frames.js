@@ -13,6 +13,8 @@ let abort = null;
 let seen = [];
 let kept = [];
 let keptBytes = 0;
+/// No more are kept: a file with a hole would tell of frames that nobody sent.
+let isFull = false;
 let filter = "";
 
 const hex = (bytes) => [...bytes].map((byte) => byte.toString(16).padStart(2, "0")).join(" ");
@@ -22,6 +24,7 @@ class Blocks {
   rest = new Uint8Array();
   names = [];
 
+  /// Takes the next bytes; returns the blocks that are whole now.
   feed(chunk, each) {
     const all = new Uint8Array(this.rest.length + chunk.length);
     all.set(this.rest);
@@ -37,6 +40,7 @@ class Blocks {
       at += length;
     }
     this.rest = all.slice(at);
+    return all.subarray(0, at);
   }
 
   packet(view, length) {
@@ -92,11 +96,15 @@ async function start() {
     for (;;) {
       const { value, done } = await reader.read();
       if (done) break;
-      if (keptBytes + value.length <= FRAMES_KEPT) {
-        kept.push(value);
-        keptBytes += value.length;
+      const whole = blocks.feed(value, (frame) => { seen = [frame, ...seen].slice(0, FRAMES_SHOWN); });
+      if (!isFull && keptBytes + whole.length > FRAMES_KEPT) {
+        isFull = true;
+        tell(T.frames.full, "warn");
       }
-      blocks.feed(value, (frame) => { seen = [frame, ...seen].slice(0, FRAMES_SHOWN); });
+      if (!isFull) {
+        kept.push(whole);
+        keptBytes += whole.length;
+      }
       redraw();
     }
   } catch (error) {
@@ -120,7 +128,7 @@ export const frames = {
       .filter(({ frame, text }) => !filter || `${frame.port} ${text} ${hex(frame.bytes)}`.toLowerCase().includes(filter.toLowerCase()));
     return [h("h1", null, T.nav.frames), h("p", { class: "quiet" }, T.frames.intro),
       h("div", { class: "row" },
-        abort ? button(T.frames.stop, () => abort.abort()) : button(T.frames.start, () => { [seen, kept, keptBytes] = [[], [], 0]; start(); }, { class: "main" }),
+        abort ? button(T.frames.stop, () => abort.abort()) : button(T.frames.start, () => { [seen, kept, keptBytes, isFull] = [[], [], 0, false]; start(); }, { class: "main" }),
         button(T.frames.download, download, { disabled: !keptBytes }),
         field(T.frames.filter, input({ type: "search", oninput: (event) => { filter = event.target.value; redraw(); }, placeholder: T.frames.filterHint }))),
       table(T.nav.frames, [T.log.time, T.port, T.frames.direction, T.frames.meaning, T.frames.bytes], rows.map(({ frame, text }) => ({

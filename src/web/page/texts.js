@@ -78,7 +78,7 @@ export const T = {
   },
   frames: {
     intro: "Frames of all ports as they come. The download is for Wireshark, which decodes it without settings.", start: "Start", stop: "Stop", download: "Download (PCAPNG)", filter: "Filter", filterHint: "port, unit 5, 03 00",
-    direction: "Direction", sent: "sent", received: "received", meaning: "Meaning", bytes: "Bytes", waiting: "Waiting for frames.", none: "Start shows what comes.", exception: "exception",
+    direction: "Direction", sent: "sent", received: "received", meaning: "Meaning", bytes: "Bytes", waiting: "Waiting for frames.", none: "Start shows what comes.", full: "The download has 4 MB now. Later frames are shown, but are not in it.", exception: "exception",
   },
   log: { transactions: "Last transactions", audit: "Audit trail", time: "Time", who: "Who", what: "What", target: "As unit", outcome: "Outcome", none: "Nothing was asked yet.", noAudit: "The trail is empty." },
   users: {

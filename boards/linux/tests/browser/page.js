@@ -233,6 +233,17 @@ async function marks(browser, state) {
   await context.close();
 }
 
+/// The kinds of the blocks in a PCAPNG file; without them all if they do not fill it.
+function blocksOf(bytes) {
+  const kinds = [];
+  let at = 0;
+  while (at + 12 <= bytes.length) {
+    kinds.push(bytes.readUInt32LE(at));
+    at += bytes.readUInt32LE(at + 4);
+  }
+  return at === bytes.length ? kinds : [];
+}
+
 /// Beside four pages that are live, a fifth works, and says how; and frames come.
 async function fivePages(browser, state) {
   const context = await browser.newContext({ storageState: state });
@@ -250,6 +261,9 @@ async function fivePages(browser, state) {
   spawnSync("mbpoll", `-m tcp -p ${reached} -a 1 -t 4 -r 8 -c 1 -o 5 -1 127.0.0.1`.split(" "));
   await fifth.locator("tbody tr").first().waitFor();
   expect("a fifth page is refreshed, and gets frames", true);
+  const [file] = await Promise.all([fifth.waitForEvent("download"), fifth.getByRole("button", { name: "Download" }).click()]);
+  const kinds = blocksOf(fs.readFileSync(await file.path()));
+  expect(`the download is whole blocks of PCAPNG with packets: ${kinds}`, kinds[0] === 0x0a0d0d0a && kinds.includes(6));
   await shot(fifth, "fifth-1280");
   await judge(fifth, "fifth");
   await pages[0].close();

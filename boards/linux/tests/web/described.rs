@@ -382,6 +382,8 @@ fn candidates(caller: &mut Caller) {
     caller.call(candidate, "PUT", "", 409);
     let status = caller.call("status", "GET", "", 200).json();
     assert_eq!(status["candidate"], json!("waiting"));
+    // It would save what is not confirmed.
+    caller.call("password", "POST", r#"{"user":"viewer","password":"battery staple"}"#, 409);
     caller.call("settings/rollback", "POST", "", 204);
     caller.call(candidate, "PUT", &whole, 200);
     caller.call("settings/commit", "POST", r#"{"confirmed":60}"#, 204);

@@ -174,7 +174,7 @@ fn carry_out(task: Task) -> Outcome {
             let test = ["--test", "qemu", "--", "--nocapture", "ssh::random"];
             run(test::tests(&test).env("MOBGATE_PACKETS", count.to_string()))
         }
-        Task::Bench(Words { words }) => run(test::bench(&["--package", "mobgate-benches", "--"]).args(words)),
+        Task::Bench(Words { words }) => run(&mut test::figures(&words)),
         Task::Pty(Words { words }) => {
             run(test::bench(&["--package", "mobgate-linux", "--bench", "pty", "--"]).args(words))
         }

@@ -197,10 +197,19 @@ fn main_devices(at_a_time: &str, tests: &[&str]) -> Outcome {
     run(cargo.args(tests).env("MOBGATE_CYCLES", "100000").env("MOBGATE_RESTARTS", "500"))
 }
 
-/// A benchmark, with the dependencies of the Debian package: with other flags they would be compiled once more.
+/// A benchmark of what a user has, with the dependencies of the Debian package: with other flags they would be compiled once more.
 pub(crate) fn bench(words: &[&str]) -> Command {
-    let mut cargo = cargo("bench", words);
-    short_paths(&mut cargo);
+    let mut cargo = cargo("bench", &["--profile", "release"]);
+    short_paths(&mut cargo).args(words);
+    cargo
+}
+
+/// The figures in virtual time, and with valgrind those of the instructions of groups that are named.
+pub(crate) fn figures(groups: &[String]) -> Command {
+    let package = ["--package", "mobgate-benches", "--"];
+    let counts = groups.iter().any(|group| group.ends_with("_instructions"));
+    let mut cargo = if counts { bench(&package) } else { cargo("bench", &package) };
+    cargo.args(groups);
     cargo
 }
 

@@ -42,7 +42,6 @@ impl Scanner {
         let id = self.entry(id).ok_or(Refused::NotThere)?.row.of.unwrap_or(id);
         let (requester, operation) = split(command)?;
         let operation = Operation::from_repr(operation).ok_or(Refused::Value)?;
-        self.entry(id).and_then(|entry| entry.row.device).ok_or(Refused::NoDevice)?;
         if self.is_taken(id, requester) {
             return Err(Refused::Taken);
         }

@@ -4,7 +4,7 @@
 use mobgate::scanner::{Full, Modicon, ROWS_MAX, TypedValue, ValueType};
 use proptest::collection::vec;
 
-use super::{START, add, at, exchange, row, scanner, scanner_with};
+use super::{START, add, answered, at, exchange, response, row, scanner, scanner_with};
 use crate::prelude::*;
 
 /// Rows without a device: table, first cell, cells.
@@ -321,6 +321,35 @@ fn rows_that_are_read_at_once_are_asked_for_in_the_order_of_asking() {
         order.iter().for_each(|&nth| scanner.read(rows[nth], at(0)).unwrap());
         let asked = order.map(|_| exchange(&mut scanner, at(0)).unwrap().pdu[2]);
         assert_eq!(asked, order.map(|nth| [0, 50, 20][nth]));
+    }
+}
+
+#[test]
+fn a_row_that_is_to_be_written_again_is_written_before_one_of_later() {
+    for is_newer in [true, false] {
+        let (mut scanner, device) = scanner();
+        let [high, low] = [40, 3].map(|first| {
+            let (input, output) = (scanner.allocate(2).unwrap(), scanner.allocate(2).unwrap());
+            let (read, write) = (Reading::Manual, Writing::OnChange);
+            scanner
+                .add_row(Row { input, output, read, write, ..row(device, Kind::Holding, first, 1) }, START)
+                .unwrap()
+        });
+        scanner.set_outputs(true);
+        if is_newer {
+            // It has another value while the first one is on its way.
+            scanner.write(high).unwrap();
+            let request = scanner.next(at(0)).unwrap();
+            scanner.write(high).unwrap();
+            scanner.answered(request.device, at(0), Ok(&response(&request)));
+        } else {
+            // The device has another value.
+            scanner.read(high, at(0)).unwrap();
+            answered(&mut scanner, at(0), &[3, 2, 0, 7]);
+        }
+        scanner.write(low).unwrap();
+        let written = [(); 2].map(|()| exchange(&mut scanner, at(0)).unwrap().pdu);
+        assert_eq!(written.map(|pdu| (pdu[0], pdu[2])), [(6, 40), (6, 3)], "{is_newer}");
     }
 }
 

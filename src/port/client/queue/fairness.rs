@@ -42,7 +42,9 @@ impl<T> PortQueue<T> {
     /// within one address, the same rule applies to its connections. A single pass, as refusing must be cheaper than serving.
     pub(super) fn eviction_candidate(&self, newcomer: Requester) -> Option<usize> {
         let mut own = [0_u8; REQUESTERS_MAX];
-        let (mut of_address, mut of_newcomer, mut most) = (0, 0, 0);
+        let (mut of_address, mut of_newcomer) = (0, 0);
+        // Of one requester at the newcomer's address.
+        let mut most = 0;
         for waiting in &self.waiting {
             let count = add(&mut own, usize::from(waiting.requester), 1);
             let Some(Known { requester, .. }) = self.requester(waiting.requester) else { continue };

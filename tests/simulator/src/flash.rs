@@ -46,6 +46,8 @@ struct State {
     /// Steps until the power fails, and what that leaves.
     cut: Option<(u64, Torn)>,
     steps: u64,
+    sectors_erased: u64,
+    bytes_read: u64,
     random: Random,
 }
 
@@ -68,6 +70,8 @@ impl<const WORD: usize, const SECTOR: usize> SimFlash<WORD, SECTOR> {
             words: vec![(false, false); bytes / WORD],
             cut: None,
             steps: 0,
+            sectors_erased: 0,
+            bytes_read: 0,
             random: Random::new(seed),
         })))
     }
@@ -80,6 +84,16 @@ impl<const WORD: usize, const SECTOR: usize> SimFlash<WORD, SECTOR> {
     /// Words written and sectors erased so far.
     pub fn steps(&self) -> u64 {
         self.0.borrow().steps
+    }
+
+    /// Sectors erased so far.
+    pub fn sectors_erased(&self) -> u64 {
+        self.0.borrow().sectors_erased
+    }
+
+    /// Bytes read so far.
+    pub fn bytes_read(&self) -> u64 {
+        self.0.borrow().bytes_read
     }
 
     /// Lets the power fail in the step after the next `steps`.
@@ -107,6 +121,7 @@ impl State {
             None => {}
         }
         self.steps += 1;
+        self.sectors_erased += u64::from(erases);
         self.bytes[at..at + to.len()].copy_from_slice(to);
         self.words[at / word..(at + to.len()) / word].fill((!erases, false));
         Ok(())
@@ -143,6 +158,7 @@ impl<const WORD: usize, const SECTOR: usize> ReadNorFlash for SimFlash<WORD, SEC
 
     async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), PowerCut> {
         let state = &mut *self.0.borrow_mut();
+        state.bytes_read += bytes.len() as u64;
         for (place, byte) in (offset as usize..).zip(bytes) {
             let (_, unreadable) = state.words[place / WORD];
             *byte = if unreadable { state.random.byte() } else { state.bytes[place] };

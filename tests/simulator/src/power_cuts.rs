@@ -83,9 +83,16 @@ pub fn save(store: &mut impl Store, text: &[u8]) -> Result<(), StoreError> {
 
 /// All of the text that `store` has.
 pub fn read(store: &mut impl Store) -> Result<Vec<u8>, StoreError> {
-    let (mut text, mut chunk) = (Vec::new(), [0; 64]);
+    whole::<64>(|offset, into| block_on(store.read(offset, into)))
+}
+
+/// All of a text that `read` gives from an offset on, some bytes at a time.
+fn whole<const BYTES: usize>(
+    mut read: impl FnMut(usize, &mut [u8]) -> Result<usize, StoreError>,
+) -> Result<Vec<u8>, StoreError> {
+    let (mut text, mut chunk) = (Vec::new(), [0; BYTES]);
     loop {
-        match block_on(store.read(text.len(), &mut chunk))? {
+        match read(text.len(), &mut chunk)? {
             0 => return Ok(text),
             count => text.extend_from_slice(&chunk[..count]),
         }
@@ -104,13 +111,7 @@ pub fn save_as(
 
 /// The text of version `nth`.
 pub fn read_version(store: &mut impl Store, nth: usize) -> Result<Vec<u8>, StoreError> {
-    let (mut text, mut chunk) = (Vec::new(), [0; 700]);
-    loop {
-        match block_on(store.read_version(nth, text.len(), &mut chunk))? {
-            0 => return Ok(text),
-            count => text.extend_from_slice(&chunk[..count]),
-        }
-    }
+    whole::<700>(|offset, into| block_on(store.read_version(nth, offset, into)))
 }
 
 /// What `store` tells of each version, and its text.

@@ -22,7 +22,8 @@ impl From<Uncommitted> for Unchanged {
 }
 
 /// Applies `lines` to the candidate, or to an empty one if `replaces`; begins one if necessary.
-/// Calls `warn` for likely mistakes. A user or publisher that keeps the name keeps the password, because that is never shown.
+/// Calls `warn` for likely mistakes. A user who keeps the name keeps the password, because that is never shown; so does a publisher
+/// that keeps its name and its user.
 pub(super) async fn change(
     gateway: &Gateway<'_>,
     lines: Lines<'_>,

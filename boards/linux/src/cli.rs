@@ -18,6 +18,7 @@ const EXAMPLES: &str = "  mobgate --config mobgate.conf        run a gateway wit
   mobgate --check mobgate.conf         check them
   mobgate console                      join the running gateway's console
   mobgate console show ports           run one line there
+  mobgate user add anna                let anna log in by network
   mobgate esi mobgate.xml              describe the SubDevice for EtherCAT
                                        tools; `sii FILE`: for its EEPROM
 
@@ -93,6 +94,9 @@ pub enum Instead {
     /// was reached, or it closed the session.
     #[command(verbatim_doc_comment)]
     Console(Join),
+    /// Change who may log in to the running gateway
+    #[command(subcommand)]
+    User(User),
     /// Write a file about the gateway as an EtherCAT SubDevice
     #[command(flatten)]
     Make(Make),
@@ -108,6 +112,33 @@ pub struct Join {
     /// Line to run; put it in quotes if it contains quotes
     #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
     pub line: Vec<String>,
+}
+
+/// What to change of a user.
+#[derive(Debug, Subcommand)]
+pub enum User {
+    /// Add a user, or give a user another role and password, and save
+    ///
+    /// The password is asked for twice, or read from standard input if
+    /// that is no terminal. Who may use the gateway's console may do so.
+    /// Exit codes as of `mobgate console`.
+    #[command(verbatim_doc_comment)]
+    Add(NewUser),
+}
+
+/// The user to add.
+#[derive(Debug, Args)]
+pub struct NewUser {
+    /// Name of the user: a letter, then letters, digits, - _ or .
+    pub name: String,
+
+    /// What the user may do
+    #[arg(long, default_value = "engineer", value_parser = ["viewer", "operator", "engineer"])]
+    pub role: String,
+
+    /// The gateway's socket, if it is not at one of the default paths
+    #[arg(long, value_name = "PATH")]
+    pub socket: Option<PathBuf>,
 }
 
 /// The description files of the EtherCAT SubDevice.

@@ -24,6 +24,7 @@ mod hello;
 mod peer;
 mod sessions;
 pub mod socket;
+pub mod user;
 
 pub use guest::Guest;
 pub(crate) use hello::carried_out;

@@ -23,7 +23,7 @@ use mobgate::settings::{
     Certificate, PORTS_MAX, PasswordHash, Port, PortId, PortKind, Settings, StreamFraming, TcpListen,
 };
 use mobgate::web;
-use mobgate_linux::cli::{Instead, Options};
+use mobgate_linux::cli::{Instead, Options, User};
 use mobgate_linux::console::{SESSIONS_MAX, Sessions, socket};
 use mobgate_linux::demo::{self, Lines};
 use mobgate_linux::reactor::block_on;
@@ -243,6 +243,7 @@ fn main() -> ExitCode {
     let options = Options::of_command_line();
     let ended = match (&options.instead, &options.check) {
         (Some(Instead::Console(join)), _) => return console::client::run(join),
+        (Some(Instead::User(User::Add(user))), _) => return console::user::add(user),
         (Some(Instead::Make(make)), _) => describe::write(make).map(|()| End::Stop),
         (None, Some(file)) => check(file).map(|()| End::Stop),
         (None, None) => run(options),

@@ -92,7 +92,7 @@ pub(crate) fn hand_on(mut from: impl io::Read, mut to: impl io::Write, terminal:
     }
 }
 
-/// Keeps the terminal in raw mode; restores the old mode on drop, even during a panic.
+/// Keeps the terminal in another mode; restores the old one on drop, even during a panic.
 #[derive(Debug)]
 pub struct RawMode(Termios);
 
@@ -102,18 +102,29 @@ impl RawMode {
     /// Ctrl-C becomes a key of the console. Ctrl-Z is disabled, because it would leave the shell with a raw terminal. Ctrl-\ stays
     /// a signal, in case the program hangs. Output keeps its line-end translation for log lines.
     pub fn enter() -> Option<Self> {
+        Self::change(|raw| {
+            raw.local_modes -= LocalModes::ICANON | LocalModes::ECHO | LocalModes::IEXTEN;
+            raw.input_modes -= InputModes::ICRNL | InputModes::INLCR | InputModes::IXON;
+            raw.special_codes[SpecialCodeIndex::VINTR] = 0;
+            raw.special_codes[SpecialCodeIndex::VSUSP] = 0;
+            raw.special_codes[SpecialCodeIndex::VMIN] = 1;
+            raw.special_codes[SpecialCodeIndex::VTIME] = 0;
+        })
+    }
+
+    /// Hides what is typed, under the same condition. Lines and signals stay as they are.
+    pub fn hide() -> Option<Self> {
+        Self::change(|hidden| hidden.local_modes -= LocalModes::ECHO)
+    }
+
+    fn change(by: impl FnOnce(&mut Termios)) -> Option<Self> {
         let old = tcgetattr(stdin()).ok()?;
         if tcgetpgrp(stdin()).ok()? != getpgrp() {
             return None; // in the background: changing the terminal would stop the program
         }
-        let mut raw = old.clone();
-        raw.local_modes -= LocalModes::ICANON | LocalModes::ECHO | LocalModes::IEXTEN;
-        raw.input_modes -= InputModes::ICRNL | InputModes::INLCR | InputModes::IXON;
-        raw.special_codes[SpecialCodeIndex::VINTR] = 0;
-        raw.special_codes[SpecialCodeIndex::VSUSP] = 0;
-        raw.special_codes[SpecialCodeIndex::VMIN] = 1;
-        raw.special_codes[SpecialCodeIndex::VTIME] = 0;
-        tcsetattr(stdin(), OptionalActions::Now, &raw).ok()?;
+        let mut new = old.clone();
+        by(&mut new);
+        tcsetattr(stdin(), OptionalActions::Now, &new).ok()?;
         Some(Self(old))
     }
 }

@@ -259,6 +259,44 @@ fn client(program: &Program, arguments: &[&str], lines: &str) -> (Option<i32>, S
 }
 
 #[test]
+fn user_add_makes_a_user_who_can_log_in_by_network_and_is_saved() {
+    let at = format!("127.0.0.1:{}", free_port());
+    let options = ["--config", "{folder}/mobgate.conf", "--socket", "{folder}/console", "--console", &at];
+    let program = Program::with("port P502 tcp server {port}\n", &options);
+    let add = |arguments: &[&str], typed: &str| {
+        let input = program.config().with_file_name("typed");
+        fs::write(&input, typed).unwrap();
+        let mut command = mobgate();
+        command.args(["user", "add"]).args(arguments).arg("--socket").arg(program.socket());
+        let output = command.stdin(File::open(input).unwrap()).output().unwrap();
+        let said = [output.stdout, output.stderr].concat();
+        (output.status.code(), String::from_utf8(said).unwrap())
+    };
+    let config = || fs::read_to_string(program.config()).unwrap();
+    for (arguments, typed, status, said) in [
+        (&["4nna"][..], "battery staple\n", 1, "\"4nna\": expected a user's name"),
+        (&["anna"], "short\n", 1, "a password has 8 to 64 characters"),
+        (&["anna"], "", 1, "mobgate: no password was given"),
+        (&["anna", "--role", "boss"], "battery staple\n", 2, "viewer, operator, engineer"),
+    ] {
+        let (code, told) = add(arguments, typed);
+        assert_eq!(code, Some(status), "{told}");
+        assert!(told.contains(said) && !told.contains("battery") && !told.contains("short"), "{told}");
+    }
+    assert!(!config().contains("user"), "nothing was saved");
+
+    let (code, told) = add(&["anna"], "battery staple\n");
+    assert_eq!((code, told.ends_with("anna may log in as engineer\n")), (Some(0), true), "{told}");
+    assert!(config().contains("user anna role engineer password \"$argon2id$"), "{}", config());
+    let port = at.rsplit_once(':').unwrap().1.parse().unwrap();
+    converse(&mut tcp_session(port), "anna\nbattery staple\nshow version\n", "mobgate 0.");
+    // Again: another role and password, as where one is forgotten.
+    assert_eq!(add(&["anna", "--role", "viewer"], "correct horse\n").0, Some(0));
+    converse(&mut tcp_session(port), "anna\nbattery staple\n", "no such user, or another password");
+    converse(&mut tcp_session(port), "anna\ncorrect horse\nsave\n", "yours is viewer");
+}
+
+#[test]
 fn a_line_of_the_command_line_is_carried_out_and_the_status_says_whether_it_was_refused() {
     let program = with_console("port P502 tcp server {port}\n");
     let (status, said) = client(&program, &["show", "version"], "");

@@ -94,6 +94,36 @@ fn a_terminal_that_joined_is_restored_at_signals_and_at_the_gateway_s_end() {
 }
 
 #[test]
+fn user_add_asks_twice_and_shows_no_key_of_the_password() {
+    let program = with_console("port P502 tcp server {port}\n");
+    let mut terminal = Terminal::new();
+    let add = |terminal: &Terminal| {
+        let mut command = terminal.command();
+        command.args(["user", "add", "anna", "--socket"]).arg(program.socket());
+        command.stdout(terminal.open()).stderr(terminal.open()).spawn().unwrap()
+    };
+    let differ = add(&terminal);
+    let mut said = terminal.type_in("", "new password of anna: ");
+    said += &terminal.type_in("battery staple\r", "again: ");
+    said += &terminal.type_in("battery stapler\r", "the passwords differ");
+    assert_eq!(status(differ).code(), Some(1));
+    assert!(terminal.is_cooked(), "the terminal still hides what is typed");
+
+    let good = add(&terminal);
+    said += &terminal.type_in("", "new password of anna: ");
+    said += &terminal.type_in("battery staple\r", "again: ");
+    said += &terminal.type_in("battery staple\r", "anna may log in as engineer");
+    assert_eq!(status(good).code(), Some(0));
+    assert!(!said.contains("battery"), "{said}");
+
+    let interrupted = add(&terminal);
+    terminal.type_in("", "new password of anna: ");
+    terminal.keyboard.write_all(b"batt\x03").unwrap();
+    assert!(!status(interrupted).success());
+    assert!(terminal.is_cooked(), "Ctrl-C left a terminal that hides what is typed");
+}
+
+#[test]
 fn the_prompt_and_what_is_typed_stand_below_every_line_of_the_log() {
     let mut terminal = Terminal::new();
     let program = terminal.whole_gateway();

@@ -6,6 +6,7 @@
 use std::io::{self, IsTerminal, Read as _, Write as _, stdin, stdout};
 use std::net::Shutdown;
 use std::os::unix::net::UnixStream;
+use std::path::Path;
 use std::process::ExitCode;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
@@ -26,7 +27,12 @@ const NOT_ASKED: u8 = 3;
 
 /// Joins the console until the session ends, or runs one line.
 pub fn run(join: &Join) -> ExitCode {
-    match converse(join) {
+    exit_code(converse(join))
+}
+
+/// Tells how lines ended: see [`converse`].
+pub(super) fn exit_code(ended: Result<Option<bool>, String>) -> ExitCode {
+    match ended {
         Ok(Some(true)) => ExitCode::SUCCESS,
         Ok(Some(false)) => ExitCode::from(REFUSED),
         Ok(None) => ExitCode::from(NOT_ASKED),
@@ -39,17 +45,13 @@ pub fn run(join: &Join) -> ExitCode {
 
 /// Whether the gateway carried out all lines; `None` if it did not tell.
 fn converse(join: &Join) -> Result<Option<bool>, String> {
-    let stream = socket::connect(join.socket.as_deref())?;
-    let fault = |error: io::Error| format!("console: {error}");
     if !join.line.is_empty() {
-        greet(&stream, Hello::Lines);
-        let line = join.line.join(" ") + "\n";
-        hand_on(line.as_bytes(), &stream, stdout().is_terminal());
-        let _ = stream.shutdown(Shutdown::Write);
-        return print(&stream).map_err(fault);
+        return carry_out(join.socket.as_deref(), &(join.line.join(" ") + "\n"));
     }
+    let stream = socket::connect(join.socket.as_deref())?;
     let terminal = stdin().is_terminal() && stdout().is_terminal();
-    let _raw_until_the_end = if terminal { Some(Raw::enter().map_err(fault)?) } else { None };
+    let _raw_until_the_end =
+        if terminal { Some(Terminal::enter(RawMode::enter).map_err(fault)?) } else { None };
     greet(&stream, if terminal { Hello::Terminal } else { Hello::Lines });
     let to = stream.try_clone().map_err(fault)?;
     // A separate thread, because the gateway may stop reading until its responses are read.
@@ -62,6 +64,19 @@ fn converse(join: &Join) -> Result<Option<bool>, String> {
     print(&stream).map(|all| if terminal { all.map(|_| true) } else { all }).map_err(fault)
 }
 
+/// Runs `lines` in a session of their own, and prints their output. Whether the gateway carried out all; `None` if it did not tell.
+pub(super) fn carry_out(socket: Option<&Path>, lines: &str) -> Result<Option<bool>, String> {
+    let stream = socket::connect(socket)?;
+    greet(&stream, Hello::Lines);
+    hand_on(lines.as_bytes(), &stream, stdout().is_terminal());
+    let _ = stream.shutdown(Shutdown::Write);
+    print(&stream).map_err(fault)
+}
+
+fn fault(error: io::Error) -> String {
+    format!("console: {error}")
+}
+
 /// Starts the session. Write errors are ignored: if the gateway has closed the connection, it has sent the reason.
 fn greet(mut stream: &UnixStream, hello: Hello) {
     if let Some(byte) = hello.byte() {
@@ -69,21 +84,22 @@ fn greet(mut stream: &UnixStream, hello: Hello) {
     }
 }
 
-/// The terminal's raw mode, which ends on drop, or before a signal ends the program.
-struct Raw(Arc<Mutex<Option<RawMode>>>);
+/// The terminal's mode, which ends on drop, or before a signal ends the program.
+pub(super) struct Terminal(Arc<Mutex<Option<RawMode>>>);
 
-impl Raw {
-    fn enter() -> io::Result<Self> {
+impl Terminal {
+    /// Changes the mode by `enter`.
+    pub(super) fn enter(enter: fn() -> Option<RawMode>) -> io::Result<Self> {
         let mut signals = Signals::new([SIGHUP, SIGINT, SIGQUIT, SIGTERM])?;
-        let raw = Self(Arc::new(Mutex::new(RawMode::enter())));
-        let shared = Self(raw.0.clone());
+        let changed = Self(Arc::new(Mutex::new(enter())));
+        let shared = Self(changed.0.clone());
         thread::spawn(move || {
             for signal in signals.forever() {
                 shared.leave();
                 let _ = emulate_default_handler(signal);
             }
         });
-        Ok(raw)
+        Ok(changed)
     }
 
     fn leave(&self) {
@@ -91,7 +107,7 @@ impl Raw {
     }
 }
 
-impl Drop for Raw {
+impl Drop for Terminal {
     fn drop(&mut self) {
         self.leave();
     }

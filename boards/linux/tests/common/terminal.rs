@@ -4,7 +4,7 @@ use std::fs::File;
 use std::process::{Child, Command, Stdio};
 
 use rustix::termios::{
-    LocalModes, OptionalActions, SpecialCodeIndex, Winsize, tcgetattr, tcsetattr, tcsetwinsize,
+    InputModes, LocalModes, OptionalActions, SpecialCodeIndex, Winsize, tcgetattr, tcsetattr, tcsetwinsize,
 };
 use serial2::SerialPort;
 
@@ -23,6 +23,7 @@ impl Terminal {
         keyboard.set_read_timeout(PATIENCE).unwrap();
         let mut cooked = tcgetattr(&end).unwrap();
         cooked.local_modes |= LocalModes::ICANON | LocalModes::ECHO | LocalModes::ISIG;
+        cooked.input_modes |= InputModes::ICRNL;
         tcsetattr(&end, OptionalActions::Now, &cooked).unwrap();
         let name = rustix::termios::ttyname(&end, Vec::new()).unwrap().into_string().unwrap();
         Self { keyboard, end, name }

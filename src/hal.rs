@@ -257,6 +257,11 @@ pub trait System {
         None
     }
 
+    /// Writes the name of serial line `n` (from 0), as ports open it; `None` after the last one.
+    fn write_serial_line(&self, _n: usize, _out: &mut dyn fmt::Write) -> Option<fmt::Result> {
+        None
+    }
+
     /// Writes line `n` (from 0, without line end) of the board's own report: the reset cause, and how its last run ended. `None`
     /// after the last line.
     fn write_event(&self, _n: usize, _out: &mut dyn fmt::Write) -> Option<fmt::Result> {

@@ -12,6 +12,7 @@ use super::certificates;
 use super::details;
 #[cfg(feature = "candidate")] // As the topic.
 use super::diff;
+use super::image;
 use super::layout::{self, Columns, Layout};
 use super::log_in::Denied;
 use super::network::network;
@@ -21,6 +22,7 @@ use super::points;
 use super::publishers;
 use super::registers;
 use super::rows::{LineErrors, LogRow, Row, StatusText, age, cell, describe_unit, took};
+use super::serial_lines;
 use super::session::Session;
 use super::table::{Source, titled};
 use super::users;
@@ -64,6 +66,8 @@ pub(crate) enum Show {
     #[cfg(feature = "candidate")]
     Candidate,
     Network,
+    Lines,
+    Image,
     Log,
     /// Its table alone.
     // Only the web interface shows it.
@@ -102,6 +106,8 @@ pub(super) const TOPICS: &[(&str, (Show, &str))] = &[
     #[cfg(feature = "candidate")]
     ("candidate", (Show::Candidate, "what commit would put in force")),
     ("network", (Show::Network, "the board's own address")),
+    ("lines", (Show::Lines, "the serial lines, and the ports that have them")),
+    ("image", (Show::Image, "the values in the EtherCAT process image")),
     ("log", (Show::Log, "the last transactions")),
     ("frames", (Show::Frames, "the last frames, as they were on the wire")),
     ("version", (Show::Version, "what runs here, and for how long")),
@@ -206,6 +212,10 @@ pub(super) fn write(
         #[cfg(feature = "candidate")]
         Show::Candidate => diff::row(source, place, out),
         Show::Network => network(source.settings, system.network(), place, out),
+        Show::Lines => {
+            titled(serial_lines::HEAD, place, out, |nth, out| serial_lines::row(source, system, nth, out))
+        }
+        Show::Image => table(image::HEAD, image::row, out),
         Show::Log => event(source, system, place, out),
         #[cfg(feature = "web")]
         Show::Transactions => titled(LOG, place, out, |nth, out| transaction(source, nth, out)),
@@ -238,6 +248,8 @@ const fn columns(what: Show) -> Columns {
         Show::Clients => &[15, 21, -9, -9, -4, -10],
         Show::Stats => &[15, 14, -10, -10],
         Show::Log => &[-9, 15, -4, 15, -6, -8, -10],
+        Show::Lines => &[15],
+        Show::Image => image::COLUMNS,
         Show::Network => &[4, 18, 15, 17],
         Show::Registers => &[5, 7],
         Show::Points => points::COLUMNS,

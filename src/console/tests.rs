@@ -81,6 +81,7 @@ impl Write for Stream<'_> {
 struct Bench {
     reboots: Cell<u32>,
     network: Option<NetworkState>,
+    lines: &'static [&'static str],
     events: &'static [&'static str],
 }
 
@@ -91,6 +92,10 @@ impl System for Bench {
 
     fn network(&self) -> Option<NetworkState> {
         self.network
+    }
+
+    fn write_serial_line(&self, n: usize, out: &mut dyn std::fmt::Write) -> Option<std::fmt::Result> {
+        self.lines.get(n).map(|line| out.write_str(line))
     }
 
     fn write_event(&self, n: usize, out: &mut dyn std::fmt::Write) -> Option<std::fmt::Result> {
@@ -214,7 +219,7 @@ fn an_error_in_piped_input_names_its_line_and_the_rest_goes_on() {
          error: line 3, column 33: \"81E\": expected a format such as 8E1, 7E1, 8N1 or 8N2\n\
          error: line 5, column 1: \"shwo\": expected a command (see help); did you mean show?\n\
          error: line 6, column 6: \"prots\": expected ports, servers, routes, units, clients, stats, points, \
-         devices, registers, users, {audit}{certificates}{publishers}config, {candidate}network, log, frames, version or update; did you mean ports?\n\
+         devices, registers, users, {audit}{certificates}{publishers}config, {candidate}network, lines, image, log, frames, version or update; did you mean ports?\n\
          error: line 7, column 12: \"now\": expected the end of the line\n"
     );
     assert_eq!(printed, expected);

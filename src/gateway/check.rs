@@ -121,11 +121,16 @@ impl Gateway<'_> {
         self.check_devices(new)
     }
 
+    /// Whether two names are the same serial line.
+    pub(crate) fn is_same_device(&self, one: &str, other: &str) -> bool {
+        (self.same_device)(one, other)
+    }
+
     /// Fails if two ports use the same serial line.
     fn check_devices(&self, new: &Settings) -> Result<(), ApplyError> {
         let serial = || new.ports.iter().flatten().filter_map(|port| Some((&port.name, device(port)?)));
         for (nth, (other, name)) in serial().enumerate() {
-            if let Some((one, _)) = serial().take(nth).find(|(_, before)| (self.same_device)(before, name)) {
+            if let Some((one, _)) = serial().take(nth).find(|(_, before)| self.is_same_device(before, name)) {
                 return Err(ApplyError::SameDevice { one: one.clone(), other: other.clone() });
             }
         }

@@ -17,7 +17,7 @@ use super::metrics::Metrics;
 use super::page;
 use super::piece::Source;
 use super::response::{Content, Refused, Response};
-use super::routes::{Call, METRICS, Methods, ROUTES, Takes};
+use super::routes::{self, Call, METRICS, Methods, ROUTES, Takes};
 use super::session::{self, Shows};
 use super::transport::Life;
 use crate::console::access::{self, Denied};
@@ -175,6 +175,7 @@ impl<'a, 'g, S: Store, U: Update, Y: System> Api<'a, 'g, S, U, Y> {
         if !self.terms.logs_in {
             return Err(response.error(403, &CLEARTEXT));
         }
+        let path = routes::short(path);
         let mut routes = ROUTES.iter().filter(|(known, ..)| *known == path).peekable();
         let Some((known, ..)) = routes.peek() else {
             return Err(response.error(404, &"there is nothing of this path: see openapi.yaml"));

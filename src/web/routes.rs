@@ -62,6 +62,14 @@ pub(super) enum Takes {
     Image,
 }
 
+/// What the paths of the table begin with, but for [`METRICS`].
+const API: &str = "/api/v1/";
+
+/// A path as the table has it.
+pub(super) fn short(path: &str) -> &str {
+    path.strip_prefix(API).filter(|rest| !rest.starts_with('/')).unwrap_or(path)
+}
+
 /// Path, method, call, body, and the console command that needs the same role; `None`: any user.
 pub(super) type Route = (&'static str, &'static str, Call, Takes, Option<&'static str>);
 
@@ -69,56 +77,52 @@ pub(super) type Route = (&'static str, &'static str, Call, Takes, Option<&'stati
 pub(super) const METRICS: &str = "/metrics";
 
 pub(super) const ROUTES: &[Route] = &[
-    ("/api/v1/session", "POST", Call::LogIn, Takes::Json, None),
-    ("/api/v1/session", "GET", Call::Session, Takes::Nothing, None),
-    ("/api/v1/session", "DELETE", Call::LogOut, Takes::Nothing, None),
-    ("/api/v1/status", "GET", Call::Status, Takes::Nothing, Some("show")),
-    ("/api/v1/events", "GET", Call::Events, Takes::Nothing, Some("show")),
-    ("/api/v1/settings", "GET", Call::Settings(false), Takes::Nothing, Some("show")),
-    ("/api/v1/settings/json", "GET", Call::Settings(true), Takes::Nothing, Some("show")),
-    ("/api/v1/settings/schema", "GET", Call::Schema, Takes::Nothing, Some("show")),
-    ("/api/v1/settings/candidate", "GET", Call::Candidate(false), Takes::Nothing, Some("show")),
-    ("/api/v1/settings/candidate/json", "GET", Call::Candidate(true), Takes::Nothing, Some("show")),
-    ("/api/v1/settings/candidate/json", "PUT", Call::ReplaceJson, Takes::Json, Some("candidate")),
-    ("/api/v1/settings/candidate/json", "POST", Call::ChangeJson, Takes::Json, Some("candidate")),
-    ("/api/v1/settings/candidate", "PUT", Call::Replace, Takes::Lines, Some("candidate")),
-    ("/api/v1/settings/candidate", "POST", Call::Change, Takes::Lines, Some("candidate")),
-    ("/api/v1/settings/candidate", "DELETE", Call::Discard, Takes::Nothing, Some("discard")),
-    ("/api/v1/settings/diff", "GET", Call::Diff, Takes::Nothing, Some("diff")),
-    ("/api/v1/settings/commit", "POST", Call::Commit, Takes::Json, Some("commit")),
-    ("/api/v1/settings/confirm", "POST", Call::Confirm, Takes::Nothing, Some("commit")),
-    ("/api/v1/settings/rollback", "POST", Call::RollBack, Takes::Nothing, Some("rollback")),
-    ("/api/v1/settings/versions", "GET", Call::Versions, Takes::Nothing, Some("versions")),
-    ("/api/v1/settings/versions", "POST", Call::BringBack, Takes::Json, Some("rollback")),
-    ("/api/v1/password", "POST", Call::Password, Takes::Json, Some("password")),
-    ("/api/v1/log", "GET", Call::Tables(&[("log", Some(Show::Transactions))]), Takes::Nothing, Some("show")),
-    ("/api/v1/audit", "GET", Call::Tables(&[("audit", Some(Show::Audit))]), Takes::Nothing, Some("password")),
-    ("/api/v1/users", "GET", Call::Tables(&[("users", Some(Show::Users))]), Takes::Nothing, Some("show")),
-    ("/api/v1/units", "GET", Call::Tables(&[("units", Some(Show::Details))]), Takes::Nothing, Some("show")),
-    (
-        "/api/v1/network",
-        "GET",
-        Call::Tables(&[("network", Some(Show::Network))]),
-        Takes::Nothing,
-        Some("show"),
-    ),
-    ("/api/v1/ethercat", "GET", Call::Tables(ETHERCAT), Takes::Nothing, Some("show")),
-    ("/api/v1/update", "GET", Call::Firmware, Takes::Nothing, Some("show")),
-    ("/api/v1/update", "POST", Call::Update, Takes::Image, Some("update")),
-    ("/api/v1/update", "DELETE", Call::GoBack, Takes::Nothing, Some("update")),
-    ("/api/v1/frames", "GET", Call::Frames, Takes::Nothing, Some("watch")),
+    ("session", "POST", Call::LogIn, Takes::Json, None),
+    ("session", "GET", Call::Session, Takes::Nothing, None),
+    ("session", "DELETE", Call::LogOut, Takes::Nothing, None),
+    ("status", "GET", Call::Status, Takes::Nothing, Some("show")),
+    ("events", "GET", Call::Events, Takes::Nothing, Some("show")),
+    ("settings", "GET", Call::Settings(false), Takes::Nothing, Some("show")),
+    ("settings/json", "GET", Call::Settings(true), Takes::Nothing, Some("show")),
+    ("settings/schema", "GET", Call::Schema, Takes::Nothing, Some("show")),
+    ("settings/candidate", "GET", Call::Candidate(false), Takes::Nothing, Some("show")),
+    ("settings/candidate/json", "GET", Call::Candidate(true), Takes::Nothing, Some("show")),
+    ("settings/candidate/json", "PUT", Call::ReplaceJson, Takes::Json, Some("candidate")),
+    ("settings/candidate/json", "POST", Call::ChangeJson, Takes::Json, Some("candidate")),
+    ("settings/candidate", "PUT", Call::Replace, Takes::Lines, Some("candidate")),
+    ("settings/candidate", "POST", Call::Change, Takes::Lines, Some("candidate")),
+    ("settings/candidate", "DELETE", Call::Discard, Takes::Nothing, Some("discard")),
+    ("settings/diff", "GET", Call::Diff, Takes::Nothing, Some("diff")),
+    ("settings/commit", "POST", Call::Commit, Takes::Json, Some("commit")),
+    ("settings/confirm", "POST", Call::Confirm, Takes::Nothing, Some("commit")),
+    ("settings/rollback", "POST", Call::RollBack, Takes::Nothing, Some("rollback")),
+    ("settings/versions", "GET", Call::Versions, Takes::Nothing, Some("versions")),
+    ("settings/versions", "POST", Call::BringBack, Takes::Json, Some("rollback")),
+    ("password", "POST", Call::Password, Takes::Json, Some("password")),
+    ("log", "GET", Call::Tables(&[("log", Some(Show::Transactions))]), Takes::Nothing, Some("show")),
+    ("audit", "GET", Call::Tables(&[("audit", Some(Show::Audit))]), Takes::Nothing, Some("password")),
+    ("users", "GET", Call::Tables(&[("users", Some(Show::Users))]), Takes::Nothing, Some("show")),
+    ("units", "GET", Call::Tables(&[("units", Some(Show::Details))]), Takes::Nothing, Some("show")),
+    ("network", "GET", Call::Tables(&[("network", Some(Show::Network))]), Takes::Nothing, Some("show")),
+    ("lines", "GET", Call::Tables(&[("lines", Some(Show::Lines))]), Takes::Nothing, Some("show")),
+    ("ethercat", "GET", Call::Tables(ETHERCAT), Takes::Nothing, Some("show")),
+    ("update", "GET", Call::Firmware, Takes::Nothing, Some("show")),
+    ("update", "POST", Call::Update, Takes::Image, Some("update")),
+    ("update", "DELETE", Call::GoBack, Takes::Nothing, Some("update")),
+    ("frames", "GET", Call::Frames, Takes::Nothing, Some("watch")),
     (METRICS, "GET", Call::Metrics, Takes::Nothing, Some("show")),
-    ("/api/v1/scan", "POST", Call::Scan, Takes::Json, Some("scan")),
-    ("/api/v1/tune", "POST", Call::Tune, Takes::Json, Some("tune")),
-    ("/api/v1/stop", "POST", Call::Stop, Takes::Nothing, Some("scan")),
-    ("/api/v1/explain", "POST", Call::Explain, Takes::Json, Some("explain")),
-    ("/api/v1/point", "POST", Call::Point, Takes::Json, Some("write")),
-    ("/api/v1/read", "POST", Call::Direct(Ask::Read), Takes::Json, Some("read")),
-    ("/api/v1/write", "POST", Call::Direct(Ask::Write), Takes::Json, Some("write")),
-    ("/api/v1/ping", "POST", Call::Direct(Ask::Ping), Takes::Json, Some("ping")),
+    ("scan", "POST", Call::Scan, Takes::Json, Some("scan")),
+    ("tune", "POST", Call::Tune, Takes::Json, Some("tune")),
+    ("stop", "POST", Call::Stop, Takes::Nothing, Some("scan")),
+    ("explain", "POST", Call::Explain, Takes::Json, Some("explain")),
+    ("point", "POST", Call::Point, Takes::Json, Some("write")),
+    ("read", "POST", Call::Direct(Ask::Read), Takes::Json, Some("read")),
+    ("write", "POST", Call::Direct(Ask::Write), Takes::Json, Some("write")),
+    ("ping", "POST", Call::Direct(Ask::Ping), Takes::Json, Some("ping")),
 ];
 
-const ETHERCAT: &[TableOf] = &[("ethercat", Some(Show::Ethercat)), ("modules", Some(Show::Modules))];
+const ETHERCAT: &[TableOf] =
+    &[("ethercat", Some(Show::Ethercat)), ("modules", Some(Show::Modules)), ("image", Some(Show::Image))];
 
 /// The methods that a path takes.
 #[derive(Clone, Copy)]

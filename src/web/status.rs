@@ -7,12 +7,14 @@ use heapless::String;
 use super::json::{Quoted, Row};
 use super::piece::{Piece, Source};
 use crate::console::access::{self, PointRow, Show};
+use crate::scanner::POINTS;
 
 /// A table of a response: its name there, and its rows; `None`: the data points.
 pub(super) type TableOf = (&'static str, Option<Show>);
 
-/// The tables of the status.
-const TABLES: &[TableOf] = &[
+/// The tables of the status: the last one where there can be data points.
+const TABLES: &[TableOf] = ALL.split_at(ALL.len() - !POINTS as usize).0;
+const ALL: &[TableOf] = &[
     ("ports", Some(Show::Ports)),
     ("servers", Some(Show::Servers)),
     ("units", Some(Show::Units)),
@@ -84,8 +86,12 @@ impl Status {
         }
         let is_row = match table {
             Some(show) => row(source, *show, self.place, out)?,
-            None => access::point(source.gateway, self.place - 1, |row| point(&row, out).map(|()| true))
-                .transpose()?,
+            None if POINTS => {
+                let row =
+                    access::point(source.gateway, self.place - 1, |row| point(&row, out).map(|()| true));
+                row.transpose()?
+            }
+            None => None,
         };
         match is_row {
             Some(true) => self.has_rows = true,
@@ -107,8 +113,9 @@ fn head(source: &Source<'_, '_>, out: &mut Piece) -> fmt::Result {
     let mut version = String::<256>::new();
     // A longer text is cut.
     let _ = access::row(gateway, source.system, Show::Version, 0, &mut version);
-    let unsaved = gateway.has_unsaved();
-    write!(out, "{{\"version\":{},\"unsaved\":{unsaved},\"candidate\":", Quoted(version))?;
+    let (unsaved, frames) = (gateway.has_unsaved(), gateway.capture().is_some());
+    write!(out, "{{\"version\":{},\"unsaved\":{unsaved},\"frames\":{frames}", Quoted(version))?;
+    out.write_str(",\"candidate\":")?;
     let candidate = gateway.candidate();
     match candidate.and_then(|candidate| candidate.remaining(embassy_time::Instant::now())) {
         Some(left) => write!(out, "\"waiting\",\"remaining_s\":{}", left.as_secs()),

@@ -1,5 +1,7 @@
 //! The board's lines, which ports open by name.
 
+use core::fmt;
+
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::mutex::{Mutex, MutexGuard};
 use embassy_time::{Duration, Instant, Timer};
@@ -75,6 +77,11 @@ impl<L: Line> SerialHost for Lines<L> {
     fn never_underruns(&self) -> bool {
         L::NEVER_UNDERRUNS
     }
+}
+
+/// Writes the name of line `number`, from 0; `None` after the last one.
+pub(crate) fn write_name(number: usize, out: &mut dyn fmt::Write) -> Option<fmt::Result> {
+    (number < LINES).then(|| write!(out, "uart{}", number + 1))
 }
 
 /// The number of line `device`, from 0.

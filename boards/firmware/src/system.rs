@@ -11,6 +11,7 @@ use mobgate_passwords::Passwords;
 use mobgate_update::Reason;
 
 use crate::gateway::gateway;
+use crate::lines;
 use crate::sockets::Network;
 use crate::start::Problem;
 
@@ -93,6 +94,10 @@ impl System for Board {
         let cause = Some(("board: ", &self.cause as &dyn core::fmt::Display));
         let (what, text) = [cause, last_words, settings].into_iter().flatten().nth(n)?;
         Some(write!(out, "{what}{text}"))
+    }
+
+    fn write_serial_line(&self, n: usize, out: &mut dyn Write) -> Option<core::fmt::Result> {
+        lines::write_name(n, out)
     }
 
     fn firmware(&self) -> Option<FirmwareState> {

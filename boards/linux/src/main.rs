@@ -208,6 +208,10 @@ impl System for Process {
         "Linux"
     }
 
+    fn write_serial_line(&self, n: usize, out: &mut dyn fmt::Write) -> Option<fmt::Result> {
+        Some(out.write_str(&tty::names::nth(n)?))
+    }
+
     fn capture(&self, file: Option<&str>) -> Result<(), OpenError> {
         CAPTURE_FILE.signal(file.map(capture::create_new).transpose()?);
         Ok(())

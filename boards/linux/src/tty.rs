@@ -26,6 +26,7 @@ use crate::worker::{self, Worker};
 use crate::{file, hint};
 
 mod low_latency;
+pub mod names;
 mod receiver;
 
 use receiver::Receiver;

@@ -25,6 +25,7 @@ use crate::flash::FileFlash;
 use crate::gateway::GATEWAY;
 use crate::lines::CONSOLE;
 use crate::semihosting::{self, CommandLine};
+use crate::names;
 use crate::uart::{DIVISOR_MIN, Line};
 
 /// Settings while none are saved: each line has its own range of units.
@@ -107,6 +108,10 @@ impl System for Board {
     fn write_event(&self, n: usize, out: &mut dyn Write) -> Option<core::fmt::Result> {
         let words = self.last_words.as_ref().filter(|_| n == 0)?;
         Some(write!(out, "the last run ended: {words}"))
+    }
+
+    fn write_serial_line(&self, n: usize, out: &mut dyn Write) -> Option<core::fmt::Result> {
+        Some(out.write_str(names::name(n)?))
     }
 
     // As their feature.

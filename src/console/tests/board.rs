@@ -52,6 +52,16 @@ fn a_board_with_a_network_of_its_own_follows_the_settings_and_shows_its_address(
 }
 
 #[test]
+fn the_serial_lines_are_shown_with_the_ports_that_have_them() {
+    // Two names of one line.
+    let gateway = new_gateway().with_same_device(|one, other| one.trim_end_matches('b') == other);
+    let board = Bench { lines: &["uart1", "uart2"], ..Bench::default() };
+    let printed = pipe_on(&gateway, &board, b"port meters serial uart2b rtu client\nshow lines\n");
+    assert_eq!(printed, "LINE            PORT\nuart1           -\nuart2           meters\n");
+    assert_eq!(pipe_on(&gateway, &Bench::default(), b"show lines\n"), "LINE            PORT\n");
+}
+
+#[test]
 fn what_the_board_has_to_report_stands_above_the_transactions() {
     let gateway = &new_gateway();
     let board = Bench { events: &["reset by the watchdog", "before: it stood still"], ..Bench::default() };

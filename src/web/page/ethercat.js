@@ -5,7 +5,7 @@ import { h, table } from "./dom.js";
 import { app, redraw } from "./state.js";
 import { T } from "./texts.js";
 
-let fieldbusState = { ethercat: [], modules: [] };
+let fieldbusState = { ethercat: [], modules: [], image: [] };
 
 async function loadEthercat() {
   fieldbusState = await get("ethercat");
@@ -27,5 +27,8 @@ export const ethercat = {
     h("h2", null, T.ethercat.modules),
     table(T.ethercat.modules, [T.ethercat.number, T.unit, T.devices.state, T.ethercat.inputs, T.ethercat.outputs],
       fieldbusState.modules.map((row) => ({ cells: [row.no, row.unit, stateOf(row.no), row.inputs, row.outputs] })), T.ethercat.noModules),
+    h("h2", null, T.ethercat.image),
+    table(T.ethercat.image, [T.ethercat.number, T.unit, T.ethercat.direction, T.points.device, T.ethercat.image],
+      fieldbusState.image.map((row) => ({ cells: [row.no, row.unit, T.ethercat.ways[row.image], `${row.table} ${row.address}`, h("span", { class: "value" }, row.values)] })), T.ethercat.noImage),
   ],
 };

@@ -2,7 +2,7 @@
 
 import { call } from "./api.js";
 import { button, field, h, input, table } from "./dom.js";
-import { redraw, tell } from "./state.js";
+import { app, redraw, tell } from "./state.js";
 import { T } from "./texts.js";
 
 const FRAMES_SHOWN = 200;
@@ -122,6 +122,7 @@ function download() {
 
 export const frames = {
   id: "frames",
+  isOffered: () => app.status.frames,
   leave: () => abort?.abort(),
   draw: () => {
     const rows = seen.map((frame) => ({ frame, text: decoded(frame) }))

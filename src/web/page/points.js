@@ -47,6 +47,7 @@ function quality(point) {
 
 export const points = {
   id: "points",
+  isOffered: () => app.status.points,
   draw: () => [h("h1", null, T.nav.points), table(T.nav.points,
     [T.points.name, T.points.device, T.points.value, T.points.trend, T.points.age, T.points.quality, may("operator") ? T.rules.change : ""],
     app.status.points.map((point) => ({ cells: [

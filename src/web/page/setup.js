@@ -1,6 +1,6 @@
 // The wizard: from a line with unknown devices to a working gateway, in three steps.
 
-import { attempt } from "./api.js";
+import { attempt, get } from "./api.js";
 import { applyAll } from "./commit.js";
 import { button, field, h, input, select } from "./dom.js";
 import { foundTable, scanForm, serialClients, takeOver } from "./devices.js";
@@ -11,6 +11,13 @@ import { runWork, work, workPanel } from "./work.js";
 let step = 1;
 let line = null;
 let doneWith = null;
+/// The serial lines of the gateway; `null` until they are known.
+let lines = null;
+
+async function loadLines() {
+  lines = await get("lines").then((response) => response.lines, () => lines || []);
+  redraw();
+}
 
 /// Whether nothing is set up: the page then begins here.
 export const isFresh = () => may("engineer") && !app.status.ports.some((port) => isClient(port));
@@ -31,12 +38,16 @@ async function chooseLine(event) {
 }
 
 function firstStep() {
+  if (!lines) return h("p", { class: "quiet" }, T.loading);
   const there = serialClients().map((port) => port.port);
+  const free = lines.filter(({ port }) => port === "-").map(({ line }) => line);
+  // A board's lines have no paths.
+  const hint = (!lines[0] || lines[0].line.startsWith("/")) && T.setup.deviceHint;
   return h("form", { onsubmit: chooseLine },
     h("p", null, T.setup.lineIntro),
     there.length > 0 && field(T.setup.existing, select({ name: "line" }, [...there.map((name) => [name, name]), ["", T.setup.another]])),
-    field(T.setup.device, input({ name: "device", placeholder: "/dev/serial/by-id/…", value: "/dev/ttyUSB0", pattern: "\\S+", required: true, list: "ttys" }), T.setup.deviceHint),
-    h("datalist", { id: "ttys" }, ["/dev/ttyUSB0", "/dev/ttyACM0", "/dev/ttyS0", "/dev/ttyAMA0"].map((value) => h("option", { value }))),
+    field(T.setup.device, input({ name: "device", value: free[0] || "", pattern: "\\S+", required: !there.length, list: "lines" }), hint),
+    h("datalist", { id: "lines" }, free.map((value) => h("option", { value }))),
     h("p", { class: "actions" }, button(T.setup.next, null, { type: "submit", class: "main" })));
 }
 
@@ -87,6 +98,7 @@ function lastStep() {
 export const setup = {
   id: "setup",
   isOffered: () => may("engineer"),
+  load: loadLines,
   leave: () => { if (step === 4) step = 1; },
   draw: () => [
     h("h1", null, T.nav.setup),

@@ -71,7 +71,7 @@ export function take(status) {
     for (const key of app.rates.keys()) if (!counts.has(key)) app.rates.delete(key);
   }
   before = { now, counts };
-  for (const point of status.points) {
+  for (const point of status.points || []) {
     const past = app.history.get(point.name) || [];
     past.push(point.values[0]);
     app.history.set(point.name, past.slice(-HISTORY));

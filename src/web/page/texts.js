@@ -5,6 +5,7 @@ export const T = {
   live: "live", polled: "Four other pages are open, and more cannot be live: this one is refreshed every two seconds until one of them is closed.", lost: "connection lost", unreachable: "the gateway cannot be reached",
   lostLong: "The gateway does not respond. What you see is from before; the page comes back by itself.",
   unsaved: "Settings in force are not saved", unsavedFix: "After a restart they would be gone. “save” at a console keeps them, and so does a commit.",
+  loading: "Loading.",
   nav: { overview: "Overview", devices: "Devices", rules: "Rules", points: "Points", frames: "Frames", log: "Log and audit", users: "Users", settings: "Settings", network: "Network", ethercat: "EtherCAT", update: "Update", setup: "Set up a line" },
   roles: { viewer: "viewer", operator: "operator", engineer: "engineer" },
   lamps: { up: "up", slow: "slow", corrupt: "corrupt", down: "down", idle: "not asked" },
@@ -94,6 +95,7 @@ export const T = {
   ethercat: {
     intro: "What a MainDevice sees of this gateway.", controller: "Controller", state: "State", line: "Line", modules: "Devices in the process image", noModules: "No device is in the image: a line “slave 0 unit N ...” in Settings, or the MainDevice’s configuration adds one.",
     inputs: "Read from it, and where that is in the inputs", outputs: "Written to it, and where that is in the outputs", number: "No",
+    image: "Values", direction: "Direction", ways: { inputs: "read", outputs: "written" }, noImage: "No MainDevice uses the image.",
     none: "No controller is known.",
   },
   update: {

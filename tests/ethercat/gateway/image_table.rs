@@ -4,6 +4,7 @@ use std::net::Ipv4Addr;
 
 use mobgate_simulator::Device;
 use mobgate_simulator::client::Response;
+use mobgate_simulator::console::typed;
 
 use super::bench::with_rig;
 use crate::prelude::*;
@@ -34,6 +35,15 @@ fn a_client_reads_the_process_image_with_state_and_age_from_the_own_unit() {
         let image: Vec<u16> = read(0xe000, 3).await.unwrap();
         let expected = [0x0102, 0x0304, 0];
         assert_eq!(image, expected, "two registers of the one, one of the other, which never answered");
+        let shown = typed(rig.gateway, "show image\n").await;
+        assert_eq!(
+            shown,
+            " NO UNIT IMAGE   TABLE    ADDRESS VALUES\n  \
+             0    7 inputs  holding      100 258 772\n  \
+             0    7 outputs holding      100 0 0\n  \
+             1    9 inputs  holding        0 0\n  \
+             1    9 outputs holding        0 0\n"
+        );
         assert_eq!(read(0xe200, 2).await, Some(vec![0, 0]), "no MainDevice has given outputs");
         let states = read(0xe400, 6).await.unwrap();
         assert_eq!(states[0] & 3, 1, "well");

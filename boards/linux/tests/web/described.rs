@@ -308,7 +308,7 @@ fn settings_as_json(caller: &mut Caller) {
 
 /// The calls that run commands of the console.
 fn commands(caller: &mut Caller) {
-    for path in ["network", "update", "ethercat"] {
+    for path in ["network", "lines", "update", "ethercat"] {
         caller.call(path, "GET", "", 200);
     }
     let refused = caller.call("update", "POST", "image", 409).body;

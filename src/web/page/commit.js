@@ -1,6 +1,6 @@
 // The candidate: lines that change it, how it differs, and how it comes into force.
 
-import { attempt, call, get, post } from "./api.js";
+import { attempt, call, get, post, text } from "./api.js";
 import { ask, button, h } from "./dom.js";
 import { app, may, redraw, tell } from "./state.js";
 import { T } from "./texts.js";
@@ -8,11 +8,56 @@ import { T } from "./texts.js";
 /// Seconds within which a commit on trial must be confirmed.
 const TRIAL = 300;
 
+/// Characters of lines that every board takes in one request.
+const PIECE = 1500;
+
+/// Sends lines to the candidate, or in place of it; the promise has the warnings.
+async function send(lines, replaces) {
+  const response = await call(replaces ? "PUT" : "POST", "settings/candidate", lines.join("\n"));
+  return (await response.json()).warnings;
+}
+
+/// Sends lines in place of the candidate, by pieces. Users come with the first one: a candidate that lacks them forgets their passwords.
+async function sendAll(lines) {
+  const numbered = lines.map((line, at) => ({ line, number: at + 1, later: !/^(user|publish) /.test(line) }));
+  const pieces = [[]];
+  let left = PIECE;
+  for (const one of numbered.sort((a, b) => a.later - b.later)) {
+    left -= one.line.length + 1;
+    if (left < 0) {
+      pieces.push([]);
+      left = PIECE - one.line.length;
+    }
+    pieces.at(-1).push(one);
+  }
+  const warnings = [];
+  for (const piece of pieces) {
+    try {
+      warnings.push(...await send(piece.map(({ line }) => line), piece === pieces[0]));
+    } catch (error) {
+      const at = error.told?.line;
+      if (at) error.message = error.message.replace(`${T.line} ${at}`, `${T.line} ${piece[at - 1].number}`);
+      throw error;
+    }
+  }
+  return warnings;
+}
+
+/// Replaces the candidate by these lines, all or none.
+async function replace(lines) {
+  const before = app.status.candidate === "open" ? await text("settings/candidate") : null;
+  try {
+    return await sendAll(lines);
+  } catch (error) {
+    await (before === null ? call("DELETE", "settings/candidate") : sendAll(before.split("\n"))).catch(() => {});
+    throw error;
+  }
+}
+
 /// Changes the candidate by lines, and tells about likely mistakes.
 export async function change(lines, replaces) {
   return attempt(async () => {
-    const response = await call(replaces ? "PUT" : "POST", "settings/candidate", lines.join("\n"));
-    const { warnings } = await response.json();
+    const warnings = await (replaces ? replace : send)(lines);
     if (warnings.length) tell(warnings.map((warning) => warning.message).join("; "), "warn");
     else tell(T.candidate.changed);
     if (app.status && app.status.candidate === "none") app.status.candidate = "open";

@@ -34,7 +34,7 @@ export const settings = {
   every: 3000,
   draw: () => [
     h("h1", null, T.nav.settings), h("p", { class: "quiet" }, T.settings.intro),
-    shown !== null && h("form", { onsubmit: (event) => { event.preventDefault(); change([event.target.lines.value], true).then((well) => well && loadSettings()); } },
+    shown !== null && h("form", { onsubmit: (event) => { event.preventDefault(); change(event.target.lines.value.trimEnd().split("\n"), true).then((well) => well && loadSettings()); } },
       h("label", { class: "field" }, h("span", null, of === "candidate" ? T.settings.ofCandidate : T.settings.inForce),
         h("textarea", { id: "lines", name: "lines", rows: 18, spellcheck: "false", readonly: !may("engineer"), wrap: "off", value: shown })),
       may("engineer") && h("p", { class: "actions" }, button(T.settings.put, null, { type: "submit", class: "main" }),

@@ -34,6 +34,24 @@ fn settings_of_boards_are_good() {
     }
 }
 
+/// The page tells what to do about each kind of error, as docs/troubleshooting.md does, and no other.
+#[test]
+fn the_page_has_a_remedy_for_each_error_of_the_table() {
+    let read = |path: &str| std::fs::read_to_string(root().join(path)).unwrap();
+    let (guide, texts) = (read("docs/troubleshooting.md"), read("src/web/page/texts.js"));
+    let table = guide.split("| `show units` | cause |").nth(1).unwrap().split("\n\n").next().unwrap();
+    // The first cell: kinds between backquotes.
+    let kinds = table.lines().filter_map(|row| row.split('|').nth(1));
+    let mut kinds: Vec<&str> = kinds.flat_map(|cell| cell.split('`').skip(1).step_by(2)).collect();
+    let fixes = texts.split("  fixes: {\n").nth(1).unwrap().split("\n  },").next().unwrap();
+    let mut fixes: Vec<&str> =
+        fixes.lines().map(|line| line.split_once(": ").unwrap().0.trim().trim_matches('"')).collect();
+    kinds.sort_unstable();
+    kinds.dedup();
+    fixes.sort_unstable();
+    assert_eq!(kinds, fixes);
+}
+
 /// What a line that is typed begins with.
 const PROMPTS: [&str; 3] = ["mobgate> ", "mobgate*> ", "mobgate(candidate)> "];
 

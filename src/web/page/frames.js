@@ -8,6 +8,8 @@ import { T } from "./texts.js";
 const FRAMES_SHOWN = 200;
 /// Bytes kept for the download.
 const FRAMES_KEPT = 4_000_000;
+/// The comments of frames in order.
+const FINE = /^(requests|responses|foreign)$/;
 
 let abort = null;
 let seen = [];
@@ -57,9 +59,10 @@ class Blocks {
     }
     const options = end + ((4 - (size % 4)) % 4);
     const flags = option(view, options, length - 4, 2, true) || 0;
+    const comment = option(view, options, length - 4, 1);
     return {
       time: new Date(micros / 1000), port: this.names[view.getUint32(8, true)] || "", kind,
-      sent: (flags & 3) === 2, fault: option(view, options, length - 4, 1), bytes: bytesOf(view, at, end - at),
+      sent: (flags & 3) === 2, fault: FINE.test(comment) ? null : comment, bytes: bytesOf(view, at, end - at),
     };
   }
 }

@@ -133,7 +133,7 @@ export const frames = {
       h("div", { class: "row" },
         abort ? button(T.frames.stop, () => abort.abort()) : button(T.frames.start, () => { [seen, kept, keptBytes, isFull] = [[], [], 0, false]; start(); }, { class: "main" }),
         button(T.frames.download, download, { disabled: !keptBytes }),
-        field(T.frames.filter, input({ type: "search", oninput: (event) => { filter = event.target.value; redraw(); }, placeholder: T.frames.filterHint }))),
+        field(T.frames.filter, input({ type: "search", value: filter, oninput: (event) => { filter = event.target.value; redraw(); }, placeholder: T.frames.filterHint }))),
       table(T.nav.frames, [T.log.time, T.port, T.frames.direction, T.frames.meaning, T.frames.bytes], rows.map(({ frame, text }) => ({
         props: { class: frame.fault ? "dead" : "" },
         cells: [frame.time.toISOString().slice(11, 23), frame.port, frame.sent ? T.frames.sent : T.frames.received, text, h("code", null, hex(frame.bytes))] })),

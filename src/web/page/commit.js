@@ -91,8 +91,7 @@ async function review() {
       button(T.candidate.commit, () => done({})),
       button(T.cancel, () => done())),
   ]);
-  if (chosen) await attempt(() => post("settings/commit", chosen), chosen.confirmed ? T.candidate.onTrial : T.candidate.saved);
-  app.changed?.();
+  if (chosen) await settle(() => post("settings/commit", chosen), chosen.confirmed ? T.candidate.onTrial : T.candidate.saved)();
 }
 
 const settle = (work, text) => async () => {

@@ -8,6 +8,8 @@ import { T } from "./texts.js";
 const FRAMES_SHOWN = 200;
 /// Bytes kept for the download.
 const FRAMES_KEPT = 4_000_000;
+/// The comments of frames in order.
+const FINE = /^(requests|responses|foreign)$/;
 
 let abort = null;
 let seen = [];
@@ -57,9 +59,10 @@ class Blocks {
     }
     const options = end + ((4 - (size % 4)) % 4);
     const flags = option(view, options, length - 4, 2, true) || 0;
+    const comment = option(view, options, length - 4, 1);
     return {
       time: new Date(micros / 1000), port: this.names[view.getUint32(8, true)] || "", kind,
-      sent: (flags & 3) === 2, fault: option(view, options, length - 4, 1), bytes: bytesOf(view, at, end - at),
+      sent: (flags & 3) === 2, fault: FINE.test(comment) ? null : comment, bytes: bytesOf(view, at, end - at),
     };
   }
 }
@@ -131,7 +134,7 @@ export const frames = {
       h("div", { class: "row" },
         abort ? button(T.frames.stop, () => abort.abort()) : button(T.frames.start, () => { [seen, kept, keptBytes, isFull] = [[], [], 0, false]; start(); }, { class: "main" }),
         button(T.frames.download, download, { disabled: !keptBytes }),
-        field(T.frames.filter, input({ type: "search", oninput: (event) => { filter = event.target.value; redraw(); }, placeholder: T.frames.filterHint }))),
+        field(T.frames.filter, input({ type: "search", value: filter, oninput: (event) => { filter = event.target.value; redraw(); }, placeholder: T.frames.filterHint }))),
       table(T.nav.frames, [T.log.time, T.port, T.frames.direction, T.frames.meaning, T.frames.bytes], rows.map(({ frame, text }) => ({
         props: { class: frame.fault ? "dead" : "" },
         cells: [frame.time.toISOString().slice(11, 23), frame.port, frame.sent ? T.frames.sent : T.frames.received, text, h("code", null, hex(frame.bytes))] })),

@@ -34,7 +34,7 @@ async function write(point) {
     done(bodies(point, isText, new FormData(event.target).get("values")));
   } },
     h("p", null, T.points.writeIntro(point.device)),
-    field(T.points.values, input({ name: "values", value: isText ? point.values[0] : point.values.join(" "), required: !isText, pattern: isText ? '[^"]*' : "[-+0-9.eE\\s,;]+" })),
+    field(T.points.values, input({ name: "values", value: isText ? point.values[0] : point.values.join(" "), required: !isText, pattern: isText ? '[^"]*' : "[\\-+0-9.eE\\s,;]+" })),
     h("p", { class: "actions" }, button(T.points.send, null, { type: "submit", class: "main" }), button(T.cancel, () => done())))]);
   for (const body of sent || []) await attempt(() => post("point", body), T.points.written(point.name));
   redraw();

@@ -21,6 +21,13 @@ async function loadSettings() {
   redraw();
 }
 
+async function put(event) {
+  event.preventDefault();
+  const typed = event.target.lines.value;
+  // It is no longer typed only: the gateway's lines may replace it.
+  if (await change(typed.trimEnd().split("\n"), true)) shown = typed;
+}
+
 async function bringBack(version) {
   await attempt(() => post("settings/versions", { version }), T.settings.brought);
   app.status.candidate = "open";
@@ -34,7 +41,7 @@ export const settings = {
   every: 3000,
   draw: () => [
     h("h1", null, T.nav.settings), h("p", { class: "quiet" }, T.settings.intro),
-    shown !== null && h("form", { onsubmit: (event) => { event.preventDefault(); change(event.target.lines.value.trimEnd().split("\n"), true).then((well) => well && loadSettings()); } },
+    shown !== null && h("form", { onsubmit: put },
       h("label", { class: "field" }, h("span", null, of === "candidate" ? T.settings.ofCandidate : T.settings.inForce),
         h("textarea", { id: "lines", name: "lines", rows: 18, spellcheck: "false", readonly: !may("engineer"), wrap: "off", value: shown })),
       may("engineer") && h("p", { class: "actions" }, button(T.settings.put, null, { type: "submit", class: "main" }),

@@ -46,12 +46,12 @@ export function ranges(units) {
   return spans.map(([first, last]) => (first === last ? `${first}` : `${first}-${last}`));
 }
 
-/// The last lines, with a way to stop.
+/// The last line, which tells why nothing is proposed, all of them, and a way to stop.
 export function workPanel() {
   if (!work.kind) return null;
   const last = work.log.at(-1) || "";
   return h("div", { class: "work", role: "status" },
-    work.running && h("p", null, h("progress", { "aria-label": T.work[work.kind], value: work.ends ? done() : null }), " ", last),
+    (work.running || !work.proposed.length) && h("p", null, work.running && h("progress", { "aria-label": T.work[work.kind], value: work.ends ? done() : null }), " ", last),
     h("details", null, h("summary", null, T.work.log), h("pre", { tabindex: 0 }, work.log.join("\n"))),
     work.running && h("p", { class: "actions" }, button(T.work.stop, () => attempt(() => post("stop")).then(() => tell(T.work.stopping)))));
 }

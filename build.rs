@@ -30,6 +30,7 @@ mod page {
         let out = env::var("OUT_DIR").expect("cargo sets it");
         let mut script = String::new();
         join(MAIN, &mut Vec::new(), &mut script);
+        check(&script);
         let mut table = "&[\n".to_owned();
         for (path, file, kind, content) in [
             ("/", "index.html", "text/html; charset=utf-8", read("index.html")),
@@ -82,6 +83,21 @@ mod page {
             in_import = !line.ends_with(';');
         }
         script.push_str(&own);
+    }
+
+    /// Fails if two modules declare the same name, which a browser would say of the whole script only.
+    fn check(script: &str) {
+        let mut names = Vec::new();
+        for line in script.lines() {
+            let line = line.strip_prefix("async ").unwrap_or(line);
+            let kind =
+                ["function ", "let ", "const ", "class "].into_iter().find(|kind| line.starts_with(kind));
+            let rest = kind.and_then(|kind| line.strip_prefix(kind)).unwrap_or_default();
+            let name =
+                rest.split(|char: char| !char.is_alphanumeric() && char != '_').next().unwrap_or_default();
+            assert!(name.is_empty() || !names.contains(&name), "{FOLDER}: two modules declare {name}");
+            names.push(name);
+        }
     }
 
     /// FNV-1a: tells two versions of a file apart.

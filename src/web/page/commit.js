@@ -12,7 +12,7 @@ const TRIAL = 300;
 const PIECE = 1500;
 
 /// Sends lines to the candidate, or in place of it; the promise has the warnings.
-async function send(lines, replaces) {
+async function sendLines(lines, replaces) {
   const response = await call(replaces ? "PUT" : "POST", "settings/candidate", lines.join("\n"));
   return (await response.json()).warnings;
 }
@@ -33,7 +33,7 @@ async function sendAll(lines) {
   const warnings = [];
   for (const piece of pieces) {
     try {
-      warnings.push(...await send(piece.map(({ line }) => line), piece === pieces[0]));
+      warnings.push(...await sendLines(piece.map(({ line }) => line), piece === pieces[0]));
     } catch (error) {
       const at = error.told?.line;
       if (at) error.message = error.message.replace(`${T.line} ${at}`, `${T.line} ${piece[at - 1].number}`);
@@ -57,7 +57,7 @@ async function replace(lines) {
 /// Changes the candidate by lines, and tells about likely mistakes.
 export async function change(lines, replaces) {
   return attempt(async () => {
-    const warnings = await (replaces ? replace : send)(lines);
+    const warnings = await (replaces ? replace : sendLines)(lines);
     if (warnings.length) tell(warnings.map((warning) => warning.message).join("; "), "warn");
     else tell(T.candidate.changed);
     if (app.status && app.status.candidate === "none") app.status.candidate = "open";

@@ -12,10 +12,10 @@ let step = 1;
 let line = null;
 let doneWith = null;
 /// The serial lines of the gateway; `null` until they are known.
-let lines = null;
+let serialLines = null;
 
 async function loadLines() {
-  lines = await get("lines").then((response) => response.lines, () => lines || []);
+  serialLines = await get("lines").then((response) => response.lines, () => serialLines || []);
   redraw();
 }
 
@@ -38,11 +38,11 @@ async function chooseLine(event) {
 }
 
 function firstStep() {
-  if (!lines) return h("p", { class: "quiet" }, T.loading);
+  if (!serialLines) return h("p", { class: "quiet" }, T.loading);
   const there = serialClients().map((port) => port.port);
-  const free = lines.filter(({ port }) => port === "-").map(({ line }) => line);
+  const free = serialLines.filter(({ port }) => port === "-").map(({ line }) => line);
   // A board's lines have no paths.
-  const hint = (!lines[0] || lines[0].line.startsWith("/")) && T.setup.deviceHint;
+  const hint = (!serialLines[0] || serialLines[0].line.startsWith("/")) && T.setup.deviceHint;
   return h("form", { onsubmit: chooseLine },
     h("p", null, T.setup.lineIntro),
     there.length > 0 && field(T.setup.existing, select({ name: "line" }, [...there.map((name) => [name, name]), ["", T.setup.another]])),

@@ -8,7 +8,7 @@ const path = require("node:path");
 const { chromium } = require("playwright-core");
 
 const { fivePages, byKeyboard, users } = require("./people.js");
-const { marks, versions, drags } = require("./settings.js");
+const { marks, longText, versions, drags } = require("./settings.js");
 const { setUp, read, firstPicture } = require("./setup.js");
 const { folder, views, found, demand } = require("./tools.js");
 const { more, look, filters } = require("./views.js");
@@ -24,7 +24,6 @@ async function main() {
   try {
     await setUp(first);
     read();
-    await firstPicture(first);
     if (views) await more(first);
     state = await first.storageState();
   } finally {
@@ -33,8 +32,10 @@ async function main() {
   }
   const browser = await chromium.launch({ executablePath: "/usr/bin/chromium", args: ARGUMENTS });
   try {
+    await firstPicture(browser, state);
     if (views) for (const width of [360, 1440]) for (const colours of ["light", "dark"]) await look(browser, state, width, colours);
     await marks(browser, state);
+    await longText(browser, state);
     await fivePages(browser, state);
     await byKeyboard(browser, state);
     if (views) for (const clicks of [versions, points, drags, filters, measures, scans, users]) await clicks(browser, state);

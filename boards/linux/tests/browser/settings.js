@@ -1,6 +1,6 @@
 // What changes the settings: rules, and versions.
 
-const { expect, enter, get, commit, discard, shot, judge } = require("./tools.js");
+const { expect, open, enter, get, logIn, commit, discard, shot, judge } = require("./tools.js");
 
 /// A register and a coil that the gateway polls.
 const POINTS = `port scan scanner
@@ -26,6 +26,36 @@ async function marks(browser, state) {
   await page.getByRole("button", { name: "Cancel" }).click();
   await discard(page);
   await page.locator("tr.dead").waitFor({ state: "detached" });
+  await page.context().close();
+}
+
+/// A text that no board takes in one request, but all of it comes, or nothing; and a password that is not shown stays.
+async function longText(browser, state) {
+  const page = await enter(browser, state, "settings");
+  const [inForce, changed] = ["Settings in force", "Settings with the changes"].map((name) => page.getByLabel(name));
+  await inForce.waitFor();
+  const before = await inForce.inputValue();
+  const source = /^route (\S+)/m.exec(before)[1];
+  const rules = Array.from({ length: 50 }, (_, nth) => `route ${source} ${nth + 100} * * local addresses 0-${nth + 1}`);
+  const wrong = `${before}${[...rules, "route nowhere 1 * * local"].join("\n")}`;
+  await inForce.fill(wrong);
+  await page.getByRole("button", { name: "Put into the changes" }).click();
+  await page.getByText(new RegExp(`“nowhere”, line ${wrong.split("\n").length}\\b`)).waitFor();
+  expect("a wrong line is named, and leaves no changes", !(await get(page, "settings/candidate")).includes("route"));
+  await inForce.fill(before + rules.join("\n"));
+  await page.getByRole("button", { name: "Put into the changes" }).click();
+  await changed.waitFor();
+  const candidate = await get(page, "settings/candidate");
+  expect("all lines are in the changes", rules.every((rule) => candidate.replace(/ +/g, " ").includes(rule)));
+  await commit(page);
+  const again = await browser.newContext();
+  await logIn(await open(again));
+  await again.close();
+  expect("the password is the one from before", true);
+  await inForce.fill(before);
+  await page.getByRole("button", { name: "Put into the changes" }).click();
+  await changed.waitFor();
+  await commit(page);
   await page.context().close();
 }
 
@@ -85,4 +115,4 @@ async function drags(browser, state) {
   await page.context().close();
 }
 
-module.exports = { marks, versions, drags };
+module.exports = { marks, longText, versions, drags };

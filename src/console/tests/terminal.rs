@@ -1,6 +1,7 @@
 //! A person at a terminal.
 
 use super::*;
+use crate::console::show::TOPICS;
 
 #[test]
 fn a_person_types_edits_completes_and_leaves() {
@@ -61,15 +62,12 @@ fn busy(gateway: &Gateway<'_>) {
     push_exception(gateway, now);
 }
 
-const TABLES: [&str; 8] = ["ports", "routes", "units", "clients", "stats", "log", "points", "registers"];
-
 #[test]
 fn eighty_columns_are_enough_for_every_table_and_error() {
     let gateway = &new_gateway();
     busy(gateway);
-    for line in
-        TABLES.map(|table| format!("show {table}\r")).iter().map(String::as_str).chain(["show prots\r"])
-    {
+    let tables: Vec<String> = TOPICS.iter().map(|(topic, _)| format!("show {topic}\r")).collect();
+    for line in tables.iter().map(String::as_str).chain(["show prots\r"]) {
         for shown in screen(gateway, line) {
             assert!(shown.chars().count() <= 80, "{line}: {shown:?}");
         }

@@ -4,14 +4,16 @@ use std::io::{Read, Write};
 use std::net::{Ipv4Addr, TcpStream};
 
 use mobgate_qemu::{Bus, Console, Image, Machine, Options, PATIENCE, wait_for};
+use nix::sys::resource::{Resource, getrlimit, setrlimit};
 use serde_json::{Value, json};
 
 use crate::http::Request;
 use crate::registers;
 use crate::ssh::PASSWORD;
 
-/// Connections that are made at a time. QEMU has a descriptor for each of them, of some 1000 that a process may have.
-const CONNECTIONS: usize = 200;
+/// Connections that are open at a time. QEMU has a descriptor for each of them, as this process has.
+const CONNECTIONS: usize = 1_000;
+const DESCRIPTORS: u64 = 2 * CONNECTIONS as u64;
 /// Connections that the board serves at a time.
 const SERVED: usize = 8;
 const STATUS: &str = "/api/v1/status";
@@ -284,6 +286,9 @@ fn all_sockets_are_free(bench: &Bench, free: u32) {
 
 #[test]
 fn many_connections_do_not_disturb_modbus_and_give_their_sockets_back() {
+    // Before QEMU is started, which inherits it. By default a process may have 1024.
+    let (_, most) = getrlimit(Resource::RLIMIT_NOFILE).unwrap();
+    setrlimit(Resource::RLIMIT_NOFILE, most.min(DESCRIPTORS), most).unwrap();
     let bench = Bench::new("");
     let token = bench.token("anna");
     let mut client = bench.machine.client();
@@ -299,8 +304,8 @@ fn many_connections_do_not_disturb_modbus_and_give_their_sockets_back() {
             _ => stream.write_all(&[0xff; 512]),
         };
         connections.push(stream);
-        let unit = [1, 2, 3][nth % 3];
-        assert_eq!(client.read(unit, nth as u16, 2), registers(unit, nth as u8, 2), "it answers meanwhile");
+        let (unit, address) = ([1, 2, 3][nth % 3], (nth % 100) as u8);
+        assert_eq!(client.read(unit, address.into(), 2), registers(unit, address, 2), "it answers meanwhile");
     }
     drop(connections);
     wait_for("a free connection", || {

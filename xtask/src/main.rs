@@ -45,8 +45,8 @@ enum Task {
         /// Of the STM32 boards only these, as `nucleo_h743zi`
         #[arg(long = "board", value_name = "BOARD")]
         boards: Vec<String>,
-        /// Only these tests
-        #[arg(default_values = ["workspace", "qemu", "package"])]
+        /// Only these tests; torture, broker and maindevices run only if they are named
+        #[arg(default_values = ["workspace", "browser", "package", "qemu", "qemu-browser", "rp2040", "stm32"])]
         suites: Vec<Suite>,
     },
     /// Installs what all commands need, or these groups: by apt-get, pip, npm and cargo

@@ -51,6 +51,13 @@ fn the_demo_cannot_save_and_says_how_it_could() {
 }
 
 #[test]
+fn a_scan_of_the_demo_finds_its_three_devices_the_slow_one_too() {
+    let program = Program::demo_with_console();
+    let said = converse(&mut program.session(), "scan bus 19200 units 1-5\n", "units 1,2,3\n");
+    assert!(said.contains("3 units found in ") && said.contains("edit port bus 19200 8E1"), "{said}");
+}
+
+#[test]
 fn reboot_starts_the_program_again_with_the_saved_settings() {
     let mut program = with_console("port P502 tcp server {port}\n");
     let new = free_port();

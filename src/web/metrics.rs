@@ -179,7 +179,8 @@ impl Metrics {
     /// Writes the next piece; `false`: there was none.
     pub(super) fn next(&mut self, source: &Source<'_, '_>, out: &mut Piece) -> Result<bool, fmt::Error> {
         // Unused places are passed by.
-        while out.is_empty() {
+        let begin = out.len();
+        while out.len() == begin {
             let Some(family) = FAMILIES.get(self.family) else {
                 let ends = self.is_open && self.family == FAMILIES.len();
                 self.family = FAMILIES.len() + 1;

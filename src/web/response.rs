@@ -211,10 +211,7 @@ impl Chunks for Pieces<'_, '_, '_, '_> {
             _ => {}
         }
         loop {
-            while content.write_next(&source, &mut writer).await? {
-                // Lets other tasks run between two rows.
-                yield_now().await;
-            }
+            while content.write_next(&source, &mut writer).await? {}
             let Content::Live(status, token) = content else { break };
             Timer::after(LIVE_PAUSE).await;
             // Live values do not prolong the session.
@@ -228,16 +225,28 @@ impl Chunks for Pieces<'_, '_, '_, '_> {
 }
 
 impl Content<'_, '_> {
-    /// Sends the next piece; `false`: there was none.
+    /// Sends the next pieces, as many as fit into one chunk; `false`: there are no more.
     async fn write_next<W: Write>(
         &mut self,
         source: &Source<'_, '_>,
         writer: &mut ChunkWriter<W>,
     ) -> Result<bool, W::Error> {
         let mut short = ShortPiece::new();
-        if let Ok(is_one) = self.next(source, &mut short) {
-            writer.write_chunk(if is_one { short.as_bytes() } else { b"" }).await?;
-            return Ok(is_one);
+        let is_over = loop {
+            let before = short.len();
+            match self.next(source, &mut short) {
+                // Lets other tasks run between two rows.
+                Ok(true) => yield_now().await,
+                Ok(false) => break true,
+                Err(_) => {
+                    short.truncate(before);
+                    break false;
+                }
+            }
+        };
+        if is_over || !short.is_empty() {
+            writer.write_chunk(short.as_bytes()).await?;
+            return Ok(!is_over);
         }
         let mut long = source.gateway.web.long_piece.lock().await;
         long.clear();

@@ -232,28 +232,30 @@ impl Content<'_, '_> {
         writer: &mut ChunkWriter<W>,
     ) -> Result<bool, W::Error> {
         let mut short = ShortPiece::new();
-        let is_over = loop {
+        let mut more = loop {
             let before = short.len();
             match self.next(source, &mut short) {
                 // Lets other tasks run between two rows.
                 Ok(true) => yield_now().await,
-                Ok(false) => break true,
+                Ok(false) => break false,
                 Err(_) => {
                     short.truncate(before);
-                    break false;
+                    break true;
                 }
             }
         };
-        if is_over || !short.is_empty() {
-            writer.write_chunk(short.as_bytes()).await?;
-            return Ok(!is_over);
-        }
-        let mut long = source.gateway.web.long_piece.lock().await;
-        long.clear();
-        // A piece that does not fit here either ends the response, which its receiver finds incomplete.
-        let is_one = self.next(source, long.as_mut_view()) == Ok(true);
-        writer.write_chunk(if is_one { long.as_bytes() } else { b"" }).await?;
-        Ok(is_one)
+        let mut held = None;
+        let piece = if more && short.is_empty() {
+            let long = held.insert(source.gateway.web.long_piece.lock().await);
+            long.clear();
+            // A piece that does not fit here either ends the response, which its receiver finds incomplete.
+            more = self.next(source, long.as_mut_view()) == Ok(true);
+            if more { long.as_bytes() } else { b"" }
+        } else {
+            short.as_bytes()
+        };
+        writer.write_chunk(piece).await?;
+        Ok(more)
     }
 
     /// Writes the next piece; `false`: there was none. After an error the same piece is the next one.

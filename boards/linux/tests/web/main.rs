@@ -221,7 +221,7 @@ fn a_commit_that_cuts_off_who_makes_it_must_be_confirmed() {
         .to_owned();
     for (line, why) in [
         ("user anna role operator".to_owned(), "your role is a lower one"),
-        (format!("{port} allow 10.0.0.0/8"), "your address is not allowed any more"),
+        (format!("{port} allow 10.0.0.0/8"), "your address may not use the port any more"),
     ] {
         request("POST", "/candidate").lines(&line).gets(200);
         let refused = request("POST", "/commit").json("{}").gets(409);

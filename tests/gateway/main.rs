@@ -50,3 +50,4 @@ mod units;
 mod update;
 mod visitors;
 mod web_update;
+mod web_user;

@@ -143,7 +143,8 @@ impl<'g> Session<'_, 'g> {
             self.fail(&Uncommitted::Nothing);
             return;
         };
-        match (candidate.commit(self.gateway, store, confirmed, (self.actor(), self.port)).await, confirmed) {
+        let who = (self.actor(), (self.port, false));
+        match (candidate.commit(self.gateway, store, confirmed, who).await, confirmed) {
             (Err(error), _) => _ = self.fail(&error),
             (Ok(()), None) => self.out.line(format_args!("in force and saved")),
             (Ok(()), Some(time)) => self.out.line(format_args!(

@@ -123,7 +123,7 @@ impl Session<'_, '_> {
 
     /// Refuses `new` settings that would cut off the session.
     pub(super) fn ahead(&self, new: &Settings) -> Result<(), CutOff> {
-        let why = self.gateway.settings(|in_force| cut_off(in_force, new, self.actor(), self.port));
+        let why = self.gateway.settings(|in_force| cut_off(in_force, new, self.actor(), (self.port, false)));
         why.map_or(Ok(()), Err)
     }
 

@@ -27,9 +27,7 @@ pub(crate) enum Uncommitted {
     Waiting,
     #[error("no commit waits for its confirmation")]
     NotWaiting,
-    #[error(
-        "the settings in force have changed since the candidate was begun: see `diff`, then `commit` again"
-    )]
+    #[error("the settings in force have changed: see `diff`, then `commit` again")]
     Changed,
     #[error("somebody commits at this moment")]
     Busy,
@@ -122,13 +120,13 @@ impl Candidate {
     }
 
     /// Puts the candidate in force: saves it, or waits for its confirmation for `confirmed`. Confirms a commit that waits. After an
-    /// error the settings in force are those of before. What would cut off `actor`, who has come by `port`, must be `confirmed`.
+    /// error the settings in force are those of before. What would cut off `actor`, who has come by `way`, must be `confirmed`.
     pub(crate) async fn commit(
         &self,
         gateway: &Gateway<'_>,
         store: &mut impl Store,
         confirmed: Option<Duration>,
-        (actor, port): (Actor<'_>, Option<PortId>),
+        (actor, way): (Actor<'_>, (Option<PortId>, bool)),
     ) -> Result<(), Uncommitted> {
         let mut settings = self.settings.try_lock()?;
         gateway.sign(store, actor);
@@ -152,7 +150,7 @@ impl Candidate {
         let mut before = reconfigure::draft(gateway).await;
         gateway.settings(|in_force| before.clone_from(in_force));
         gateway.check(&settings)?;
-        let why = gateway.settings(|in_force| cut_off(in_force, &settings, actor, port));
+        let why = gateway.settings(|in_force| cut_off(in_force, &settings, actor, way));
         if let Some(why) = why.filter(|_| confirmed.is_none()) {
             return Err(Uncommitted::CutOff(why));
         }

@@ -8,6 +8,6 @@ use crate::settings::{PortId, Settings};
 /// There is no reason.
 pub(crate) type CutOff = Infallible;
 
-pub(crate) fn cut_off(_: &Settings, _: &Settings, _: Actor<'_>, _: Option<PortId>) -> Option<CutOff> {
+pub(crate) fn cut_off(_: &Settings, _: &Settings, _: Actor<'_>, _: (Option<PortId>, bool)) -> Option<CutOff> {
     None
 }

@@ -70,6 +70,8 @@ pub(super) struct Caller {
     pub(super) name: Name,
     pub(super) role: Role,
     pub(super) token: Token,
+    /// Has addressed the gateway by its mDNS name.
+    pub(super) by_name: bool,
 }
 
 impl<S: Store, U: Update, Y: System> PathRouterService for Api<'_, '_, S, U, Y> {
@@ -168,7 +170,7 @@ impl<'a, 'g, S: Store, U: Update, Y: System> Api<'a, 'g, S, U, Y> {
         let headers = parts.headers();
         let encrypted = self.terms.encrypted;
         let checked = self.gateway.settings(|settings| guard::check(headers, settings, encrypted));
-        checked.map_err(|why| foreign(why, response))?;
+        let by_name = checked.map_err(|why| foreign(why, response))?;
         if path == METRICS && self.terms.metrics && parts.method() == "GET" {
             return Ok((Call::Metrics, Takes::Nothing, None));
         }
@@ -188,7 +190,7 @@ impl<'a, 'g, S: Store, U: Update, Y: System> Api<'a, 'g, S, U, Y> {
         }
         let caller = Shows::of(headers).and_then(|shows| {
             let (name, role) = session::user(self.gateway, &shows.token, true)?;
-            Some((Caller { name, role, token: shows.token }, shows.by_cookie))
+            Some((Caller { name, role, token: shows.token, by_name }, shows.by_cookie))
         });
         let Some((caller, by_cookie)) = caller else {
             response.header = Some(Header::Authenticate);

@@ -262,7 +262,8 @@ impl<'a, 'g, S: Store, U: Update, Y: System> Api<'a, 'g, S, U, Y> {
             None => gateway.audit(Topic::Command, self.actor(caller), format_args!("commit")),
         }
         let mut store = self.store.lock().await;
-        let done = candidate.commit(gateway, *store, confirmed, (self.actor(caller), Some(self.port))).await;
+        let who = (self.actor(caller), (Some(self.port), caller.by_name));
+        let done = candidate.commit(gateway, *store, confirmed, who).await;
         done.map_err(|error| uncommitted(&error, response))
     }
 

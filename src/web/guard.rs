@@ -29,20 +29,21 @@ fn only<'r>(headers: Headers<'r>, name: &str) -> Result<Option<&'r str>, ()> {
     value.map(|value| value.as_str().map_err(|_| ())).transpose()
 }
 
-/// Checks the host of a request, and returns it. With TLS (`encrypted`) it may be any: the browser has checked it against the
-/// certificate.
+/// Checks the host of a request, and returns it, and whether it is the mDNS name. With TLS (`encrypted`) it may be any: the browser has
+/// checked it against the certificate.
 pub(super) fn check_host<'r>(
     headers: Headers<'r>,
     settings: &Settings,
     encrypted: bool,
-) -> Result<&'r str, Foreign> {
-    let host = only(headers, "host").ok().flatten().filter(|host| encrypted || is_own(host, settings));
-    host.ok_or(Foreign::Host)
+) -> Result<(&'r str, bool), Foreign> {
+    let host = only(headers, "host").ok().flatten().ok_or(Foreign::Host)?;
+    let by_name = own(host, settings).or(encrypted.then_some(false));
+    Ok((host, by_name.ok_or(Foreign::Host)?))
 }
 
-/// Checks the host and the origin of a request.
-pub(super) fn check(headers: Headers<'_>, settings: &Settings, encrypted: bool) -> Result<(), Foreign> {
-    let host = check_host(headers, settings, encrypted)?;
+/// Checks the host and the origin of a request, and returns whether the host is the mDNS name.
+pub(super) fn check(headers: Headers<'_>, settings: &Settings, encrypted: bool) -> Result<bool, Foreign> {
+    let (host, by_name) = check_host(headers, settings, encrypted)?;
     let origin = only(headers, "origin").map_err(|()| Foreign::Origin)?;
     let is_same = |origin: &str| {
         let from = origin.strip_prefix(if encrypted { "https://" } else { "http://" });
@@ -50,7 +51,7 @@ pub(super) fn check(headers: Headers<'_>, settings: &Settings, encrypted: bool) 
     };
     let site = only(headers, "sec-fetch-site").map_err(|()| Foreign::Origin)?;
     let is_near = site.is_none_or(|site| site == "same-origin" || site == "none");
-    (origin.is_none_or(is_same) && is_near).then_some(()).ok_or(Foreign::Origin)
+    (origin.is_none_or(is_same) && is_near).then_some(by_name).ok_or(Foreign::Origin)
 }
 
 /// Checks that a request that a cookie allows to change something was sent by a page of this origin.
@@ -58,27 +59,28 @@ pub(super) fn check_cookie(headers: Headers<'_>) -> Result<(), Foreign> {
     headers.get("origin").map(|_| ()).ok_or(Foreign::NoOrigin)
 }
 
-/// Whether `host`, perhaps with a port, is the gateway.
-fn is_own(host: &str, settings: &Settings) -> bool {
+/// Whether `host`, perhaps with a port, is the gateway by its mDNS name; `None` if it is not the gateway.
+fn own(host: &str, settings: &Settings) -> Option<bool> {
     let name = match host.strip_prefix('[') {
         Some(host) => {
-            let Some((address, rest)) = host.split_once(']') else { return false };
-            return IPV6 && is_port(rest) && address.parse::<core::net::Ipv6Addr>().is_ok();
+            let (address, rest) = host.split_once(']')?;
+            let is_own = IPV6 && is_port(rest) && address.parse::<core::net::Ipv6Addr>().is_ok();
+            return is_own.then_some(false);
         }
         None => match host.split_once(':') {
             Some((name, port)) if is_port_number(port) => name,
-            Some(_) => return false,
+            Some(_) => return None,
             None => host,
         },
     };
-    let is_mdns = |name: &str| {
-        let own = settings.mdns_name("").filter(|own| !own.is_empty());
-        own.is_some_and(|own| own.eq_ignore_ascii_case(name))
-    };
     let local = name.len().checked_sub(".local".len()).and_then(|at| name.split_at_checked(at));
-    name.parse::<core::net::Ipv4Addr>().is_ok()
-        || name.eq_ignore_ascii_case("localhost")
-        || local.is_some_and(|(name, local)| local.eq_ignore_ascii_case(".local") && is_mdns(name))
+    let by_name = local.is_some_and(|(name, local)| {
+        let own = settings.mdns_name("");
+        local.eq_ignore_ascii_case(".local") && own.is_some_and(|own| own.eq_ignore_ascii_case(name))
+    });
+    let is_own =
+        by_name || name.eq_ignore_ascii_case("localhost") || name.parse::<core::net::Ipv4Addr>().is_ok();
+    is_own.then_some(by_name)
 }
 
 fn is_port(text: &str) -> bool {
@@ -97,7 +99,7 @@ mod tests {
     #[test]
     fn addresses_localhost_and_the_mdns_name_are_the_gateway_and_other_names_are_not() {
         let mut settings = Settings::new();
-        assert!(!is_own("cabinet.local", &settings));
+        assert_eq!(own("cabinet.local", &settings), None);
         apply(&mut settings, "mdns on name cabinet").unwrap();
         for host in [
             "127.0.0.1",
@@ -109,7 +111,11 @@ mod tests {
             "cabinet.local",
             "Cabinet.Local:80",
         ] {
-            assert!(is_own(host, &settings), "{host}");
+            assert_eq!(
+                own(host, &settings),
+                Some(host.to_ascii_lowercase().starts_with("cabinet.")),
+                "{host}"
+            );
         }
         for host in [
             "",
@@ -130,7 +136,7 @@ mod tests {
             "::1",
             "user@localhost",
         ] {
-            assert!(!is_own(host, &settings), "{host}");
+            assert_eq!(own(host, &settings), None, "{host}");
         }
     }
 }

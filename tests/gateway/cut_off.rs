@@ -29,6 +29,12 @@ impl System for Board {
         HASHES.iter().any(|(typed, known)| *typed == password && hash == Some(*known))
     }
 
+    /// Nobody guesses here: it only has to be another one at another time.
+    fn random(&self, into: &mut [u8]) -> bool {
+        into.fill(Instant::now().as_millis() as u8);
+        true
+    }
+
     async fn hash_password(&self, _: &str) -> Option<PasswordHash> {
         None
     }

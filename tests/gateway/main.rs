@@ -49,4 +49,6 @@ mod tune;
 mod units;
 mod update;
 mod visitors;
+mod web_rates;
 mod web_update;
+mod web_user;

@@ -3,79 +3,29 @@
 use embassy_futures::select::select3;
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::mutex::Mutex;
-use embedded_io_async::{Read, Write};
+use embedded_io_async::Write;
 use mobgate::hal::{FirmwareState, SharedUpdate, UpdateError};
 use mobgate::web;
-use mobgate_simulator::Network;
 use mobgate_simulator::console::Medium;
 use mobgate_simulator::firmware::Firmware;
-use mobgate_simulator::net::ClientStream;
 
 use crate::board::{Board, image};
 use crate::prelude::*;
+use crate::web_user::{User, received};
 
-/// The password of both is `let me in`.
+/// The password of both.
+const PASSWORD: &str = "let me in";
 const SETTINGS: &str = "port web http server 80 cleartext
 user anna role engineer password \"$argon2id$v=19$m=8,t=1,p=1$MDEyMzQ1Njc4OWFiY2RlZg$MbnuQj2xrGASZb+GaVRPOkBaCDUjNErQQKePN3mCUfA\"
 user otto role operator password \"$argon2id$v=19$m=8,t=1,p=1$MDEyMzQ1Njc4OWFiY2RlZg$MbnuQj2xrGASZb+GaVRPOkBaCDUjNErQQKePN3mCUfA\"
 ";
+const HOST: &str = "10.0.0.1";
 const OCTETS: &str = "Content-Type: application/octet-stream\r\n";
 
-/// A user's computer.
-#[derive(Clone)]
-struct User {
-    network: Network,
-    token: String,
-}
-
 impl User {
-    async fn log_in(network: &Network, name: &str) -> Self {
-        let nobody = Self { network: network.clone(), token: String::new() };
-        let body = format!(r#"{{"user":"{name}","password":"let me in","token":true}}"#);
-        let kind = "Content-Type: application/json\r\n";
-        let (status, text) = nobody.call("POST /api/v1/session", kind, body.as_bytes()).await;
-        assert_eq!(status, 200, "{text}");
-        let token = text.split_once("\"token\":\"").unwrap().1.split('"').next().unwrap().to_owned();
-        Self { token, ..nobody }
-    }
-
-    /// Sends a head, for a body of so many bytes.
-    async fn begin(&self, what: &str, headers: &str, length: usize) -> ClientStream {
-        let mut stream = self.network.connect(machine(1), 80).unwrap();
-        let bearer = match self.token.as_str() {
-            "" => String::new(),
-            token => format!("Authorization: Bearer {token}\r\n"),
-        };
-        let head =
-            format!("{what} HTTP/1.1\r\nHost: 10.0.0.1\r\n{bearer}{headers}Content-Length: {length}\r\n\r\n");
-        stream.write_all(head.as_bytes()).await.unwrap();
-        stream
-    }
-
-    /// Sends a request; returns the status and the body of what comes back.
-    async fn call(&self, what: &str, headers: &str, body: &[u8]) -> (u16, String) {
-        let mut stream = self.begin(what, headers, body.len()).await;
-        stream.write_all(body).await.unwrap();
-        received(&mut stream).await
-    }
-
     async fn upload(&self, image: &[u8]) -> (u16, String) {
         self.call("POST /api/v1/update", OCTETS, image).await
     }
-}
-
-/// What comes until the end.
-async fn received(stream: &mut ClientStream) -> (u16, String) {
-    let (mut all, mut piece) = (Vec::new(), [0; 1_024]);
-    while let Ok(count @ 1..) = stream.read(&mut piece).await {
-        all.extend_from_slice(&piece[..count]);
-    }
-    let text = String::from_utf8(all).unwrap();
-    let status = text.split(' ').nth(1).and_then(|status| status.parse().ok());
-    let body = text.split_once("\r\n\r\n").map(|(_, body)| body).unwrap_or_default();
-    // One chunk behind its length, and the end.
-    let chunk = body.split_once("\r\n").and_then(|(_, chunk)| chunk.strip_suffix("\r\n0\r\n\r\n"));
-    (status.unwrap_or(0), chunk.unwrap_or_default().to_owned())
 }
 
 /// Lets `scenario` call a gateway with two connections for the interface.
@@ -89,7 +39,7 @@ fn at_interface(firmware: &Firmware, board: &Board, scenario: impl AsyncFnOnce(U
         };
         let scenario = async {
             Timer::after_millis(10).await;
-            scenario(User::log_in(&rig.network, "anna").await).await;
+            scenario(User::new(&rig.network, HOST).log_in("anna", PASSWORD).await).await;
         };
         world.run_until(select3(connection(0), connection(1), scenario));
     });
@@ -143,9 +93,9 @@ fn what_is_too_large_or_of_somebody_else_is_not_even_begun() {
     at_interface(&firmware, &board, async |user| {
         let mut stream = user.begin("POST /api/v1/update", OCTETS, 5_000_000).await;
         assert_eq!(received(&mut stream).await.0, 413);
-        let nobody = User { token: String::new(), ..user.clone() };
+        let nobody = user.nobody();
         assert_eq!(nobody.upload(&image(1_000)).await.0, 401);
-        let otto = User::log_in(&user.network, "otto").await;
+        let otto = user.log_in("otto", PASSWORD).await;
         let (status, why) = otto.upload(&image(1_000)).await;
         assert!(status == 403 && why.contains("needs the role engineer"), "{why}");
         for (headers, status) in
@@ -188,7 +138,7 @@ fn what_is_on_trial_is_taken_back_by_a_restart_and_nothing_else_is() {
     {
         let (firmware, board) = (Firmware::default(), Board { firmware: state, ..Board::default() });
         at_interface(&firmware, &board, async |user| {
-            let otto = User::log_in(&user.network, "otto").await;
+            let otto = user.log_in("otto", PASSWORD).await;
             assert_eq!(otto.call("DELETE /api/v1/update", "", b"").await.0, 403);
             assert_eq!(user.call("DELETE /api/v1/update", "", b"").await.0, status);
             Timer::after_secs(1).await;

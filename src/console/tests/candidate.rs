@@ -90,7 +90,7 @@ fn settings_that_changed_meanwhile_are_not_overwritten_unseen() {
     typed(SETTINGS);
     typed("save\ncandidate\ndelete routes\nload");
     let said = typed("commit");
-    assert!(said.contains("the settings in force have changed since the candidate was begun"), "{said}");
+    assert!(said.contains("the settings in force have changed: see `diff`"), "{said}");
     assert!(typed("show config").contains("route"));
     assert_eq!(typed("commit"), "in force and saved\n");
     assert!(!typed("show config").contains("route"));

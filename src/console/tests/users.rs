@@ -219,7 +219,7 @@ fn what_would_cut_off_who_makes_it_needs_to_be_confirmed_and_goes_back() {
         (&format!("delete user engineer {key}"), "a key of yours is gone"),
         ("delete port access", "no port is where you came in"),
         ("edit port access listen 503", "no port is where you came in"),
-        ("edit port access allow 10.0.0.0/8", "your address is not allowed any more"),
+        ("edit port access allow 10.0.0.0/8", "your address may not use the port any more"),
     ] {
         let before = pipe(gateway, "show config secrets");
         let said = by_port(line);

@@ -337,7 +337,7 @@ fn a_commit_that_waits_for_its_confirmation_is_not_overwritten() {
     files.console("rollback\ncandidate\nedit port bus timeout 600ms\n");
     assert_eq!(files.write(&good.replace("1-247  ", "1-100  ")), None);
     let told = files.console("commit\n");
-    assert!(told.contains("the settings in force have changed since the candidate was begun"), "{told}");
+    assert!(told.contains("the settings in force have changed: see `diff`"), "{told}");
 }
 
 #[test]

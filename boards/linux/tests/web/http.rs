@@ -1,15 +1,18 @@
 //! A client for HTTP that sends whatever a test wants.
 
 use std::io::{Read, Write};
-use std::net::{Ipv4Addr, TcpStream};
+use std::net::{Ipv4Addr, SocketAddr, TcpStream};
 
 use serde_json::Value;
+use socket2::{Domain, Socket, Type};
 
 use crate::common::PATIENCE;
 
 /// A request, which is sent by a connection of its own.
 #[derive(Clone)]
 pub(crate) struct Request {
+    /// The client's address.
+    from: Ipv4Addr,
     port: u16,
     method: String,
     path: String,
@@ -31,7 +34,14 @@ pub(crate) struct Response {
 impl Request {
     pub(crate) fn new(port: u16, method: &str, path: &str) -> Self {
         let (method, path, host) = (method.to_owned(), path.to_owned(), format!("127.0.0.1:{port}"));
-        Self { port, method, path, host, headers: Vec::new(), body: None }
+        let from = Ipv4Addr::LOCALHOST;
+        Self { from, port, method, path, host, headers: Vec::new(), body: None }
+    }
+
+    /// Sent from another address of the machine.
+    pub(crate) fn from(mut self, address: Ipv4Addr) -> Self {
+        self.from = address;
+        self
     }
 
     pub(crate) fn host(mut self, host: &str) -> Self {
@@ -62,10 +72,17 @@ impl Request {
         self.body("text/plain", body.as_bytes())
     }
 
+    fn connect(&self) -> TcpStream {
+        let socket = Socket::new(Domain::IPV4, Type::STREAM, None).unwrap();
+        socket.bind(&SocketAddr::from((self.from, 0)).into()).unwrap();
+        socket.connect(&SocketAddr::from((Ipv4Addr::LOCALHOST, self.port)).into()).unwrap();
+        socket.set_read_timeout(Some(PATIENCE)).unwrap();
+        socket.into()
+    }
+
     /// Sends it, and reads until the gateway closes the connection.
     pub(crate) fn send(&self) -> Response {
-        let mut stream = TcpStream::connect((Ipv4Addr::LOCALHOST, self.port)).unwrap();
-        stream.set_read_timeout(Some(PATIENCE)).unwrap();
+        let mut stream = self.connect();
         let mut head = format!("{} {} HTTP/1.1\r\nHost: {}\r\n", self.method, self.path, self.host);
         self.headers.iter().for_each(|(name, value)| head.push_str(&format!("{name}: {value}\r\n")));
         let body = self.body.clone().unwrap_or_default();
@@ -82,8 +99,7 @@ impl Request {
 
     /// Sends it, without a body.
     pub(crate) fn open(&self) -> TcpStream {
-        let mut stream = TcpStream::connect((Ipv4Addr::LOCALHOST, self.port)).unwrap();
-        stream.set_read_timeout(Some(PATIENCE)).unwrap();
+        let mut stream = self.connect();
         let mut head = format!("{} {} HTTP/1.1\r\nHost: {}\r\n", self.method, self.path, self.host);
         self.headers.iter().for_each(|(name, value)| head.push_str(&format!("{name}: {value}\r\n")));
         stream.write_all(format!("{head}\r\n").as_bytes()).unwrap();

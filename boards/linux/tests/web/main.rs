@@ -128,14 +128,29 @@ fn without_a_token_with_a_wrong_one_and_with_that_of_a_user_who_has_changed_nobo
 }
 
 #[test]
-fn failures_to_log_in_make_pauses_grow_as_at_consoles() {
+fn failures_to_log_in_pause_their_address_for_a_while_and_nobody_else() {
     let web = with(P502);
+    let token = web.token("viewer");
     for _ in 0..5 {
         assert_eq!(web.log_in("anna", "let me out").gets(401).message(), "no such user, or another password");
     }
     let refused = web.log_in("anna", "let me in").gets(429);
     assert!(refused.message().contains("too many failures"), "{refused:?}");
     assert_eq!(refused.header("Retry-After"), Some("1"));
+    // The same user at another address, and whoever has logged in at this one, are served meanwhile.
+    let elsewhere = web.log_in("anna", "let me in").from(Ipv4Addr::new(127, 0, 0, 2)).gets(200);
+    let elsewhere = elsewhere.json()["token"].as_str().unwrap().to_owned();
+    for token in [&token, &elsewhere] {
+        web.request("GET", "/api/v1/status").bearer(token).gets(200);
+    }
+    // Another user of this address waits, too: the failures are its own.
+    web.log_in("operator", "let me in").gets(429);
+    // Attempts meanwhile do not prolong the pause, and after it the right password is taken.
+    wait_for("the end of the pause", || {
+        let response = web.log_in("anna", "let me in").send();
+        assert!([200, 429].contains(&response.status), "{response:?}");
+        (response.status == 200).then_some(())
+    });
     web.program.logs("audit: 127.0.0.1: a wrong password for anna");
 }
 
@@ -221,7 +236,7 @@ fn a_commit_that_cuts_off_who_makes_it_must_be_confirmed() {
         .to_owned();
     for (line, why) in [
         ("user anna role operator".to_owned(), "your role is a lower one"),
-        (format!("{port} allow 10.0.0.0/8"), "your address is not allowed any more"),
+        (format!("{port} allow 10.0.0.0/8"), "your address may not use the port any more"),
     ] {
         request("POST", "/candidate").lines(&line).gets(200);
         let refused = request("POST", "/commit").json("{}").gets(409);

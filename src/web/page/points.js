@@ -41,7 +41,7 @@ async function write(point) {
 }
 
 function quality(point) {
-  const good = /^ok/.test(point.status);
+  const good = /\bok/.test(point.status);
   return lamp(good ? "up" : point.age_s === null ? "idle" : "corrupt", point.status);
 }
 

@@ -38,7 +38,7 @@ async function main() {
     await longText(browser, state);
     await fivePages(browser, state);
     await byKeyboard(browser, state);
-    if (views) for (const clicks of [versions, points, drags, filters, measures, scans, users]) await clicks(browser, state);
+    if (views) for (const clicks of [filters, measures, scans, versions, points, drags, users]) await clicks(browser, state);
   } finally {
     await browser.close();
   }

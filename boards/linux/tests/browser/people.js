@@ -139,6 +139,7 @@ async function buttons(page) {
   const all = [];
   for (const view of views) {
     await page.goto(`${base}/#/${view}`);
+    await page.locator(`nav a[href="#/${view}"][aria-current]`).waitFor();
     await page.locator(`main ${LOADED[view] || "table"}`).first().waitFor();
     const names = await page.locator("main button:not(.link)").evaluateAll((found) => found.map((button) => button.getAttribute("aria-label") || button.textContent));
     if (names.length) all.push(`${view}: ${names.join(", ")}`);
@@ -178,7 +179,8 @@ async function users(browser, state) {
   await page.getByRole("button", { name: "Remove user bert" }).click();
   await page.getByRole("dialog").getByRole("button", { name: "Remove user" }).click();
   await viewer.getByText("There are changes that are not in force yet.").waitFor();
-  expect("a viewer sees changes, and may not commit them", await buttons(viewer) === seen[0]);
+  const meanwhile = await buttons(viewer);
+  expect(`a viewer sees changes, and may not commit them: ${meanwhile}`, meanwhile === seen[0]);
   await commit(page);
   await page.getByRole("row", { name: "bert" }).waitFor({ state: "detached" });
   await viewer.getByLabel("User").waitFor();

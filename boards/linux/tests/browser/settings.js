@@ -1,12 +1,12 @@
 // What changes the settings: rules, and versions.
 
-const { expect, open, enter, get, logIn, commit, discard, shot, judge } = require("./tools.js");
+const { expect, enter, get, commit, discard, shot, judge } = require("./tools.js");
 
-/// A register and a coil that the gateway polls.
+/// A register and a coil that the gateway polls, the register so often that it is asked as a rule when the page is told.
 const POINTS = `port scan scanner
 route scan 1 * * P1
 device meter unit 1
-point limit meter holding 20 label "Limit"
+point limit meter holding 20 read 30ms label "Limit"
 point pump meter coil 16
 `;
 
@@ -78,6 +78,7 @@ async function versions(browser, state) {
   await saved.nth(count).waitFor();
   const cells = (await saved.first().locator("td").allTextContents()).slice(0, 4).join(" ");
   expect(`the commit is a version: ${cells}`, /^0 \d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ \+5 -0 anna@127\.0\.0\.1$/.test(cells));
+  await inForce.fill("what was typed, and not put into the changes");
   await page.getByRole("button", { name: "Bring back: 1" }).click();
   await changed.waitFor();
   expect("the text of before is shown as the changes", await changed.inputValue() === before);

@@ -19,8 +19,9 @@ async function points(browser, state) {
   for (const [name, value] of [["limit", "276"], ["pump", "1"]]) {
     await cell(name, 2).getByText(value, { exact: true }).waitFor();
     const told = (await row(name).locator("td").allTextContents()).join(" | ");
-    expect(`value, age and quality: ${told}`, /^\d(\.\d)? s$/.test(await cell(name, 4).textContent()) && /ok/.test(await cell(name, 5).textContent()));
+    expect(`value, age and quality: ${told}`, /^\d(\.\d)? s$/.test(await cell(name, 4).textContent()) && await row(name).locator(".lamp.up", { hasText: "ok" }).count() === 1);
   }
+  await row("limit").locator(".lamp.up", { hasText: "busy" }).waitFor();
   await page.getByRole("img", { name: "limit: between 276 and 276" }).waitFor();
   await page.getByRole("button", { name: "Write limit" }).click();
   await page.getByRole("dialog").getByText("The values are sent to meter at once.").waitFor();

@@ -5,7 +5,7 @@ use core::net::IpAddr;
 use super::audit::Actor;
 // As what uses them.
 use crate::settings::{
-    Allowed, PortId, PortKind, Settings, StreamFraming, TcpListen, TcpServerSettings, User,
+    Allowed, PortId, PortKind, SSH, Settings, StreamFraming, TcpListen, TcpServerSettings, User,
 };
 #[cfg(feature = "tls")]
 use crate::settings::{Certificate, TlsSettings};
@@ -23,11 +23,12 @@ pub(crate) fn cut_off(
 ) -> Option<CutOff> {
     let Actor::User { name, peer } = actor else { return None };
     let entrance = port.and_then(|port| Entrance::of(before, port));
-    let is_elsewhere = before.own_network() != after.own_network() || (by_name && before.mdns != after.mdns);
+    let is_elsewhere =
+        || before.own_network() != after.own_network() || (by_name && before.mdns != after.mdns);
     entrance
         .and_then(|entrance| unreachable(&entrance, after, peer))
         .or_else(|| unknown(before.user(name)?, after.user(name)))
-        .or_else(|| is_elsewhere.then_some("the gateway's address or name is another"))
+        .or_else(|| is_elsewhere().then_some("the gateway's address or name is another"))
 }
 
 /// A port by which sessions come in.
@@ -47,25 +48,30 @@ struct Entrance<'s> {
 impl<'s> Entrance<'s> {
     fn of(settings: &'s Settings, port: PortId) -> Option<Self> {
         let kind = &settings.port(port)?.kind;
-        let (listen, framing, allowed, is_open) = match kind {
-            PortKind::TcpServer(TcpServerSettings { listen, framing, allowed, .. }) => {
-                (*listen, Some(*framing), allowed, true)
-            }
+        // As the field.
+        #[cfg(feature = "tls")]
+        let tls = kind.tls().map(|tls| (tls, settings.certificates()));
+        match kind {
+            PortKind::TcpServer(TcpServerSettings { listen, framing, allowed, .. }) => Some(Self {
+                listen: *listen,
+                framing: Some(*framing),
+                allowed,
+                is_open: true,
+                #[cfg(feature = "tls")]
+                tls,
+            }),
             // Images without a web interface have no such port.
             #[cfg(feature = "web")]
-            PortKind::Http(server) => {
-                (server.listen, None, &server.allowed, server.cleartext || server.is_encrypted())
-            }
-            _ => return None,
-        };
-        Some(Self {
-            listen,
-            framing,
-            allowed,
-            is_open,
-            #[cfg(feature = "tls")]
-            tls: kind.tls().map(|tls| (tls, settings.certificates())),
-        })
+            PortKind::Http(server) => Some(Self {
+                listen: server.listen,
+                framing: None,
+                allowed: &server.allowed,
+                is_open: server.cleartext || server.is_encrypted(),
+                #[cfg(feature = "tls")]
+                tls,
+            }),
+            _ => None,
+        }
     }
 
     /// Whether it replaces `old`.
@@ -107,7 +113,7 @@ fn unknown(before: &User, after: Option<&User>) -> Option<CutOff> {
         None => Some("your user is gone"),
         Some(after) if after.role < before.role => Some("your role is a lower one"),
         Some(after) if after.password != before.password => Some("your password is another"),
-        Some(after) if before.keys.iter().any(|key| !after.keys.contains(key)) => {
+        Some(after) if SSH && before.keys.iter().any(|key| !after.keys.contains(key)) => {
             Some("a key of yours is gone")
         }
         Some(_) => None,

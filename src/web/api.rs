@@ -17,7 +17,7 @@ use super::metrics::Metrics;
 use super::page;
 use super::piece::Source;
 use super::response::{Content, Refused, Response};
-use super::routes::{self, Call, METRICS, Methods, ROUTES, Takes};
+use super::routes::{self, Call, METRICS, Method, Methods, ROUTES, Takes};
 use super::session::{self, Shows};
 use super::transport::Life;
 use crate::console::access::{self, Denied};
@@ -183,7 +183,7 @@ impl<'a, 'g, S: Store, U: Update, Y: System> Api<'a, 'g, S, U, Y> {
             return Err(response.error(404, &"there is nothing of this path: see openapi.yaml"));
         };
         let methods = Methods(known);
-        let route = routes.find(|(_, method, ..)| *method == parts.method());
+        let route = routes.find(|(_, method, ..)| parts.method() == method.name());
         let (_, method, call, takes, command) = *route.ok_or_else(|| not_allowed(methods, response))?;
         if call == Call::LogIn {
             return Ok((call, takes, None));
@@ -196,7 +196,7 @@ impl<'a, 'g, S: Store, U: Update, Y: System> Api<'a, 'g, S, U, Y> {
             response.header = Some(Header::Authenticate);
             return Err(response.error(401, &LOG_IN));
         };
-        if by_cookie && method != "GET" {
+        if by_cookie && method != Method::Get {
             guard::check_cookie(headers).map_err(|why| foreign(why, response))?;
         }
         let needed = command.map_or(Role::Viewer, access::role);

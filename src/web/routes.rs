@@ -2,6 +2,7 @@
 
 use core::fmt::{self, Display};
 
+use self::Method::{Delete, Get, Post, Put};
 use super::status::TableOf;
 use crate::console::access::{Ask, Show};
 
@@ -62,6 +63,26 @@ pub(super) enum Takes {
     Image,
 }
 
+/// The methods in use.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Method {
+    Get,
+    Post,
+    Put,
+    Delete,
+}
+
+impl Method {
+    pub(super) const fn name(self) -> &'static str {
+        match self {
+            Get => "GET",
+            Post => "POST",
+            Put => "PUT",
+            Delete => "DELETE",
+        }
+    }
+}
+
 /// What the paths of the table begin with, but for [`METRICS`].
 const API: &str = "/api/v1/";
 
@@ -71,54 +92,54 @@ pub(super) fn short(path: &str) -> &str {
 }
 
 /// Path, method, call, body, and the console command that needs the same role; `None`: any user.
-pub(super) type Route = (&'static str, &'static str, Call, Takes, Option<&'static str>);
+pub(super) type Route = (&'static str, Method, Call, Takes, Option<&'static str>);
 
 /// Where Prometheus looks.
 pub(super) const METRICS: &str = "/metrics";
 
 pub(super) const ROUTES: &[Route] = &[
-    ("session", "POST", Call::LogIn, Takes::Json, None),
-    ("session", "GET", Call::Session, Takes::Nothing, None),
-    ("session", "DELETE", Call::LogOut, Takes::Nothing, None),
-    ("status", "GET", Call::Status, Takes::Nothing, Some("show")),
-    ("events", "GET", Call::Events, Takes::Nothing, Some("show")),
-    ("settings", "GET", Call::Settings(false), Takes::Nothing, Some("show")),
-    ("settings/json", "GET", Call::Settings(true), Takes::Nothing, Some("show")),
-    ("settings/schema", "GET", Call::Schema, Takes::Nothing, Some("show")),
-    ("settings/candidate", "GET", Call::Candidate(false), Takes::Nothing, Some("show")),
-    ("settings/candidate/json", "GET", Call::Candidate(true), Takes::Nothing, Some("show")),
-    ("settings/candidate/json", "PUT", Call::ReplaceJson, Takes::Json, Some("candidate")),
-    ("settings/candidate/json", "POST", Call::ChangeJson, Takes::Json, Some("candidate")),
-    ("settings/candidate", "PUT", Call::Replace, Takes::Lines, Some("candidate")),
-    ("settings/candidate", "POST", Call::Change, Takes::Lines, Some("candidate")),
-    ("settings/candidate", "DELETE", Call::Discard, Takes::Nothing, Some("discard")),
-    ("settings/diff", "GET", Call::Diff, Takes::Nothing, Some("diff")),
-    ("settings/commit", "POST", Call::Commit, Takes::Json, Some("commit")),
-    ("settings/confirm", "POST", Call::Confirm, Takes::Nothing, Some("commit")),
-    ("settings/rollback", "POST", Call::RollBack, Takes::Nothing, Some("rollback")),
-    ("settings/versions", "GET", Call::Versions, Takes::Nothing, Some("versions")),
-    ("settings/versions", "POST", Call::BringBack, Takes::Json, Some("rollback")),
-    ("password", "POST", Call::Password, Takes::Json, Some("password")),
-    ("log", "GET", Call::Tables(&[("log", Some(Show::Transactions))]), Takes::Nothing, Some("show")),
-    ("audit", "GET", Call::Tables(&[("audit", Some(Show::Audit))]), Takes::Nothing, Some("password")),
-    ("users", "GET", Call::Tables(&[("users", Some(Show::Users))]), Takes::Nothing, Some("show")),
-    ("units", "GET", Call::Tables(&[("units", Some(Show::Details))]), Takes::Nothing, Some("show")),
-    ("network", "GET", Call::Tables(&[("network", Some(Show::Network))]), Takes::Nothing, Some("show")),
-    ("lines", "GET", Call::Tables(&[("lines", Some(Show::Lines))]), Takes::Nothing, Some("show")),
-    ("ethercat", "GET", Call::Tables(ETHERCAT), Takes::Nothing, Some("show")),
-    ("update", "GET", Call::Firmware, Takes::Nothing, Some("show")),
-    ("update", "POST", Call::Update, Takes::Image, Some("update")),
-    ("update", "DELETE", Call::GoBack, Takes::Nothing, Some("update")),
-    ("frames", "GET", Call::Frames, Takes::Nothing, Some("watch")),
-    (METRICS, "GET", Call::Metrics, Takes::Nothing, Some("show")),
-    ("scan", "POST", Call::Scan, Takes::Json, Some("scan")),
-    ("tune", "POST", Call::Tune, Takes::Json, Some("tune")),
-    ("stop", "POST", Call::Stop, Takes::Nothing, Some("scan")),
-    ("explain", "POST", Call::Explain, Takes::Json, Some("explain")),
-    ("point", "POST", Call::Point, Takes::Json, Some("write")),
-    ("read", "POST", Call::Direct(Ask::Read), Takes::Json, Some("read")),
-    ("write", "POST", Call::Direct(Ask::Write), Takes::Json, Some("write")),
-    ("ping", "POST", Call::Direct(Ask::Ping), Takes::Json, Some("ping")),
+    ("session", Post, Call::LogIn, Takes::Json, None),
+    ("session", Get, Call::Session, Takes::Nothing, None),
+    ("session", Delete, Call::LogOut, Takes::Nothing, None),
+    ("status", Get, Call::Status, Takes::Nothing, Some("show")),
+    ("events", Get, Call::Events, Takes::Nothing, Some("show")),
+    ("settings", Get, Call::Settings(false), Takes::Nothing, Some("show")),
+    ("settings/json", Get, Call::Settings(true), Takes::Nothing, Some("show")),
+    ("settings/schema", Get, Call::Schema, Takes::Nothing, Some("show")),
+    ("settings/candidate", Get, Call::Candidate(false), Takes::Nothing, Some("show")),
+    ("settings/candidate/json", Get, Call::Candidate(true), Takes::Nothing, Some("show")),
+    ("settings/candidate/json", Put, Call::ReplaceJson, Takes::Json, Some("candidate")),
+    ("settings/candidate/json", Post, Call::ChangeJson, Takes::Json, Some("candidate")),
+    ("settings/candidate", Put, Call::Replace, Takes::Lines, Some("candidate")),
+    ("settings/candidate", Post, Call::Change, Takes::Lines, Some("candidate")),
+    ("settings/candidate", Delete, Call::Discard, Takes::Nothing, Some("discard")),
+    ("settings/diff", Get, Call::Diff, Takes::Nothing, Some("diff")),
+    ("settings/commit", Post, Call::Commit, Takes::Json, Some("commit")),
+    ("settings/confirm", Post, Call::Confirm, Takes::Nothing, Some("commit")),
+    ("settings/rollback", Post, Call::RollBack, Takes::Nothing, Some("rollback")),
+    ("settings/versions", Get, Call::Versions, Takes::Nothing, Some("versions")),
+    ("settings/versions", Post, Call::BringBack, Takes::Json, Some("rollback")),
+    ("password", Post, Call::Password, Takes::Json, Some("password")),
+    ("log", Get, Call::Tables(&[("log", Some(Show::Transactions))]), Takes::Nothing, Some("show")),
+    ("audit", Get, Call::Tables(&[("audit", Some(Show::Audit))]), Takes::Nothing, Some("password")),
+    ("users", Get, Call::Tables(&[("users", Some(Show::Users))]), Takes::Nothing, Some("show")),
+    ("units", Get, Call::Tables(&[("units", Some(Show::Details))]), Takes::Nothing, Some("show")),
+    ("network", Get, Call::Tables(&[("network", Some(Show::Network))]), Takes::Nothing, Some("show")),
+    ("lines", Get, Call::Tables(&[("lines", Some(Show::Lines))]), Takes::Nothing, Some("show")),
+    ("ethercat", Get, Call::Tables(ETHERCAT), Takes::Nothing, Some("show")),
+    ("update", Get, Call::Firmware, Takes::Nothing, Some("show")),
+    ("update", Post, Call::Update, Takes::Image, Some("update")),
+    ("update", Delete, Call::GoBack, Takes::Nothing, Some("update")),
+    ("frames", Get, Call::Frames, Takes::Nothing, Some("watch")),
+    (METRICS, Get, Call::Metrics, Takes::Nothing, Some("show")),
+    ("scan", Post, Call::Scan, Takes::Json, Some("scan")),
+    ("tune", Post, Call::Tune, Takes::Json, Some("tune")),
+    ("stop", Post, Call::Stop, Takes::Nothing, Some("scan")),
+    ("explain", Post, Call::Explain, Takes::Json, Some("explain")),
+    ("point", Post, Call::Point, Takes::Json, Some("write")),
+    ("read", Post, Call::Direct(Ask::Read), Takes::Json, Some("read")),
+    ("write", Post, Call::Direct(Ask::Write), Takes::Json, Some("write")),
+    ("ping", Post, Call::Direct(Ask::Ping), Takes::Json, Some("ping")),
 ];
 
 const ETHERCAT: &[TableOf] =
@@ -132,7 +153,7 @@ impl Display for Methods {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let mut routes = ROUTES.iter().filter(|(path, ..)| *path == self.0);
         // A path without a route is a file's.
-        f.write_str(routes.next().map_or("GET", |(_, method, ..)| method))?;
-        routes.try_for_each(|(_, method, ..)| write!(f, ", {method}"))
+        f.write_str(routes.next().map_or(Get, |(_, method, ..)| *method).name())?;
+        routes.try_for_each(|(_, method, ..)| write!(f, ", {}", method.name()))
     }
 }

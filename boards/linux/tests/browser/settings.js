@@ -1,6 +1,6 @@
 // What changes the settings: rules, and versions.
 
-const { expect, enter, get, commit, discard, shot, judge } = require("./tools.js");
+const { expect, enter, get, commit, discard, shot, judge, open, logIn } = require("./tools.js");
 
 /// A register and a coil that the gateway polls, the register so often that it is asked as a rule when the page is told.
 const POINTS = `port scan scanner

@@ -29,6 +29,8 @@ pub(crate) struct Response {
     pub(crate) body: String,
     /// Of the body.
     pub(crate) bytes: usize,
+    /// That it came in; 0 if its length was announced.
+    pub(crate) chunks: usize,
 }
 
 impl Request {
@@ -119,7 +121,7 @@ impl Request {
         let (head, body) = received.split_once("\r\n\r\n").unwrap();
         // The last chunk may not be complete: an end is added.
         let whole = &body[..body.rfind("\n\n").unwrap() + 2];
-        let text = chunks(format!("{whole}\r\n0\r\n").as_bytes());
+        let text = chunks(format!("{whole}\r\n0\r\n").as_bytes()).concat();
         let text = String::from_utf8(text).unwrap();
         let events = text.split_terminator("\n\n").map(|event| event.strip_prefix("data: ").unwrap());
         (head.to_owned(), events.map(|event| serde_json::from_str(event).unwrap()).collect(), stream)
@@ -139,9 +141,13 @@ impl Response {
         let (head, body) = split(received, b"\r\n\r\n").unwrap_or_else(|| panic!("no response: {text:?}"));
         let head = String::from_utf8(head.to_vec()).unwrap();
         let status = head.split(' ').nth(1).unwrap().parse().unwrap();
-        let mut response = Self { status, head, body: String::new(), bytes: 0 };
+        let mut response = Self { status, head, body: String::new(), bytes: 0, chunks: 0 };
         let body = match response.header("Transfer-Encoding") {
-            Some("chunked") => chunks(body),
+            Some("chunked") => {
+                let chunks = chunks(body);
+                response.chunks = chunks.len();
+                chunks.concat()
+            }
             _ => body.to_vec(),
         };
         response.bytes = body.len();
@@ -170,7 +176,7 @@ fn split<'b>(bytes: &'b [u8], separator: &[u8]) -> Option<(&'b [u8], &'b [u8])> 
     Some((&bytes[..at], &bytes[at + separator.len()..]))
 }
 
-fn chunks(mut rest: &[u8]) -> Vec<u8> {
+fn chunks(mut rest: &[u8]) -> Vec<&[u8]> {
     let mut body = Vec::new();
     loop {
         let (length, behind) = split(rest, b"\r\n").expect("a chunk");
@@ -178,7 +184,7 @@ fn chunks(mut rest: &[u8]) -> Vec<u8> {
         if length == 0 {
             return body;
         }
-        body.extend_from_slice(&behind[..length]);
+        body.push(&behind[..length]);
         rest = behind[length..].strip_prefix(b"\r\n").unwrap();
     }
 }

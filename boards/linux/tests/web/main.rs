@@ -193,6 +193,22 @@ fn a_whole_text_that_is_put_back_keeps_the_passwords_of_publishers() {
 }
 
 #[test]
+fn rows_share_chunks_and_none_is_cut() {
+    let rules: String =
+        (10..60).map(|unit| format!("route P502 {unit} * * local addresses 0-{unit}\n")).collect();
+    let web = with(&format!("{P502}{rules}"));
+    let token = web.token("anna");
+    for path in ["/api/v1/settings", "/api/v1/status", "/metrics"] {
+        let response = web.request("GET", path).bearer(&token).gets(200);
+        // A chunk has 1024 bytes, and the next row of at most 256 may not fit.
+        let most = response.bytes / 768 + 1;
+        assert!(response.chunks <= most, "{path}: {} bytes in {} chunks", response.bytes, response.chunks);
+    }
+    let settings = web.request("GET", "/api/v1/settings").bearer(&token).gets(200).body;
+    assert_eq!(settings.matches("local addresses").count(), 50, "{settings}");
+}
+
+#[test]
 fn lines_become_a_candidate_and_a_commit_puts_it_in_force_and_saves_it() {
     let web = with(P502);
     let token = web.token("anna");

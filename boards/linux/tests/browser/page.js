@@ -7,11 +7,12 @@ const os = require("node:os");
 const path = require("node:path");
 const { chromium } = require("playwright-core");
 
-const { fivePages, byKeyboard } = require("./people.js");
-const { marks } = require("./settings.js");
+const { fivePages, byKeyboard, users } = require("./people.js");
+const { marks, versions, drags } = require("./settings.js");
 const { setUp, read, firstPicture } = require("./setup.js");
 const { folder, views, found, demand } = require("./tools.js");
-const { more, look } = require("./views.js");
+const { more, look, filters } = require("./views.js");
+const { points, measures, scans } = require("./work.js");
 
 const ARGUMENTS = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update", "--disable-sync"];
 
@@ -36,6 +37,7 @@ async function main() {
     await marks(browser, state);
     await fivePages(browser, state);
     await byKeyboard(browser, state);
+    if (views) for (const clicks of [filters, measures, scans, versions, points, drags, users]) await clicks(browser, state);
   } finally {
     await browser.close();
   }

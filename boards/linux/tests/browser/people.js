@@ -2,7 +2,8 @@
 
 const fs = require("node:fs");
 
-const { base, pid, found, expect, open, shot, judge, mbpoll } = require("./tools.js");
+const { base, pid, found, expect, open, logIn, enter, get, commit, shot, judge, mbpoll } = require("./tools.js");
+const { write } = require("./work.js");
 
 /// The kinds of the blocks in a PCAPNG file; without them all if they do not fill it.
 function blocksOf(bytes) {
@@ -130,4 +131,65 @@ async function lostAndBack(page) {
   expect("a lost connection is said, and comes back", true);
 }
 
-module.exports = { fivePages, byKeyboard };
+/// What shows that a view has what it asks the gateway for, if that is no table.
+const LOADED = { overview: "svg.flow", frames: "p.empty", settings: "textarea" };
+
+/// The buttons of each view that has some, without those that open a unit.
+async function buttons(page) {
+  const views = await page.getByRole("navigation").getByRole("link").evaluateAll((links) => links.map((link) => link.hash.slice(2)));
+  const all = [];
+  for (const view of views) {
+    await page.goto(`${base}/#/${view}`);
+    await page.locator(`nav a[href="#/${view}"][aria-current]`).waitFor();
+    await page.locator(`main ${LOADED[view] || "table"}`).first().waitFor();
+    const names = await page.locator("main button:not(.link)").evaluateAll((found) => found.map((button) => button.getAttribute("aria-label") || button.textContent));
+    if (names.length) all.push(`${view}: ${names.join(", ")}`);
+  }
+  return all.join("; ");
+}
+
+async function addUser(page, name, role, password) {
+  await page.getByLabel("Name").fill(name);
+  await page.getByLabel("Role").selectOption(role);
+  await page.getByRole("button", { name: "Add", exact: true }).click();
+  await commit(page);
+  await page.getByRole("button", { name: `Set password: ${name}` }).click();
+  const dialog = page.getByRole("dialog");
+  await dialog.getByLabel("New password").fill(password);
+  await dialog.getByLabel("Again").fill("something else");
+  await dialog.getByRole("button", { name: "Set and save" }).click();
+  await dialog.getByText("The two differ.").waitFor();
+  await dialog.getByLabel("Again").fill(password);
+  await dialog.getByRole("button", { name: "Set and save" }).click();
+  await page.getByText(`${name} has the new password.`).waitFor();
+}
+
+/// Users come, may do what their role may, and go.
+async function users(browser, state) {
+  const page = await enter(browser, state, "users");
+  const pages = {};
+  for (const [name, role] of [["bert", "viewer"], ["olga", "operator"]]) {
+    await addUser(page, name, role, `I am ${name}`);
+    pages[role] = await open(await browser.newContext());
+    await logIn(pages[role], name, `I am ${name}`);
+  }
+  const { viewer, operator } = pages;
+  const seen = [await buttons(viewer), await buttons(operator)];
+  expect(`a viewer may look: ${seen[0]}`, seen[0] === "rules: Try; frames: Start, Download (PCAPNG)");
+  expect(`an operator may write: ${seen[1]}`, seen[1] === "rules: Try; points: Write limit, Write pump; frames: Start, Download (PCAPNG)");
+  await operator.goto(`${base}/#/points`);
+  await write(operator, "pump", "1");
+  expect("what an operator writes is in the device", mbpoll(1, 16, 0) === 1);
+  await page.getByRole("button", { name: "Remove user bert" }).click();
+  await page.getByRole("dialog").getByRole("button", { name: "Remove user" }).click();
+  await viewer.getByText("There are changes that are not in force yet.").waitFor();
+  const meanwhile = await buttons(viewer);
+  expect(`a viewer sees changes, and may not commit them: ${meanwhile}`, meanwhile === seen[0]);
+  await commit(page);
+  await page.getByRole("row", { name: "bert" }).waitFor({ state: "detached" });
+  await viewer.getByLabel("User").waitFor();
+  expect("a user who is deleted is out", !(await get(page, "users")).includes("bert"));
+  for (const one of [page, viewer, operator]) await one.context().close();
+}
+
+module.exports = { fivePages, byKeyboard, users };

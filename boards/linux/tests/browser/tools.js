@@ -35,7 +35,7 @@ async function open(browserContext) {
   page.on("pageerror", (error) => found.faults.push(`script: ${error.stack}`));
   page.on("console", (message) => {
     // The first question of a page is who has logged in; and what is not possible now, the page says itself.
-    const expected = found.isCut ? /net::ERR_/ : /status of (401|409)/;
+    const expected = found.isCut ? /net::ERR_/ : /status of (401|409|422)/;
     if (message.type() === "error" && !expected.test(message.text())) found.faults.push(`console: ${message.text()} (${message.location().url})`);
   });
   return page;
@@ -55,13 +55,32 @@ async function fitsWidth(page, name) {
   expect(`${name} fits its screen`, !wide);
 }
 
-async function logIn(page) {
+async function logIn(page, user = "anna", password = "let me in") {
   await page.goto(base);
-  await page.getByLabel("User").fill("anna");
-  await page.getByLabel("Password").fill("let me in");
+  await page.getByLabel("User").fill(user);
+  await page.getByLabel("Password").fill(password);
   await page.getByRole("button", { name: "Log in" }).click();
   await page.getByRole("navigation").waitFor();
 }
+
+/// A page of the engineer, at this view.
+async function enter(browser, state, view) {
+  const page = await open(await browser.newContext({ storageState: state }));
+  await page.goto(`${base}/#/${view}`);
+  return page;
+}
+
+/// What the gateway says to the page's user.
+const get = async (page, path) => (await page.request.get(`${base}/api/v1/${path}`)).text();
+
+/// Ends the changes by buttons, until their bar is gone.
+async function settle(page, ...names) {
+  for (const name of names) await page.getByRole("button", { name, exact: true }).click();
+  await page.getByRole("region", { name: "Changes" }).waitFor({ state: "detached" });
+}
+
+const commit = (page) => settle(page, "Review and commit", "Commit and save");
+const discard = (page) => settle(page, "Discard");
 
 /// What mbpoll reads of a device: a holding register, or a coil by type 0.
 function mbpoll(unit, address, type = 4) {
@@ -70,4 +89,4 @@ function mbpoll(unit, address, type = 4) {
   return Number(/\[\d+\]:\s+(\d+)/.exec(stdout)?.[1]);
 }
 
-module.exports = { ...told, found, expect, figure, demand, open, shot, judge, fitsWidth, logIn, mbpoll };
+module.exports = { ...told, found, expect, figure, demand, open, shot, judge, fitsWidth, logIn, enter, get, commit, discard, mbpoll };

@@ -1,6 +1,6 @@
 // Each view at the sizes of a phone and a desk, dark and light.
 
-const { base, expect, open, shot, judge, fitsWidth } = require("./tools.js");
+const { base, expect, open, enter, shot, judge, fitsWidth, mbpoll } = require("./tools.js");
 
 const VIEWS = ["overview", "devices", "rules", "points", "ethercat", "frames", "log", "network", "users", "settings", "update", "setup"];
 
@@ -59,4 +59,34 @@ async function look(browser, state, width, colorScheme) {
   await context.close();
 }
 
-module.exports = { more, look };
+/// The filter leaves the frames that have its text, in words or in bytes; also those that come, and when the view is shown again.
+async function filters(browser, state) {
+  const page = await enter(browser, state, "frames");
+  const rows = page.getByRole("region", { name: "Frames" }).locator("tbody tr");
+  const filter = page.getByLabel("Filter");
+  const of = (unit) => rows.filter({ hasText: `Unit ${unit}:` });
+  await page.getByRole("button", { name: "Start" }).click();
+  for (const unit of [1, 2]) {
+    mbpoll(unit, 7);
+    await of(unit).first().waitFor();
+  }
+  await filter.fill("unit 2");
+  await of(1).first().waitFor({ state: "detached" });
+  for (const unit of [1, 2]) mbpoll(unit, 8);
+  await of(2).filter({ hasText: "Address 8" }).first().waitFor();
+  const shown = await rows.count();
+  expect(`the filter leaves frames of unit 2: ${shown}`, shown === await of(2).count());
+  await filter.fill("02 03 02 02 07");
+  await rows.filter({ hasText: "02 03 00 07 00 01" }).first().waitFor({ state: "detached" });
+  expect("the filter finds bytes", await rows.count() > 0);
+  await page.getByRole("link", { name: "Overview" }).click();
+  await page.locator("svg.flow").waitFor();
+  await page.getByRole("link", { name: "Frames" }).click();
+  await rows.first().waitFor();
+  expect("what hides frames is in its field", await filter.inputValue() === "02 03 02 02 07" && await of(1).count() === 0);
+  await filter.fill("");
+  await of(1).first().waitFor();
+  await page.context().close();
+}
+
+module.exports = { more, look, filters };

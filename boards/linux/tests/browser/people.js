@@ -3,6 +3,7 @@
 const fs = require("node:fs");
 
 const { base, pid, found, expect, open, logIn, enter, get, commit, shot, judge, mbpoll } = require("./tools.js");
+const { write } = require("./work.js");
 
 /// The kinds of the blocks in a PCAPNG file; without them all if they do not fill it.
 function blocksOf(bytes) {
@@ -176,6 +177,9 @@ async function users(browser, state) {
   const seen = [await buttons(viewer), await buttons(operator)];
   expect(`a viewer may look: ${seen[0]}`, seen[0] === "rules: Try; frames: Start, Download (PCAPNG)");
   expect(`an operator may write: ${seen[1]}`, seen[1] === "rules: Try; points: Write limit, Write pump; frames: Start, Download (PCAPNG)");
+  await operator.goto(`${base}/#/points`);
+  await write(operator, "pump", "1");
+  expect("what an operator writes is in the device", mbpoll(1, 16, 0) === 1);
   await page.getByRole("button", { name: "Remove user bert" }).click();
   await page.getByRole("dialog").getByRole("button", { name: "Remove user" }).click();
   await viewer.getByText("There are changes that are not in force yet.").waitFor();

@@ -93,4 +93,4 @@ async function scans(browser, state) {
   await page.context().close();
 }
 
-module.exports = { points, measures, scans };
+module.exports = { write, points, measures, scans };

@@ -24,8 +24,8 @@ use crate::faults;
 use crate::flash::FileFlash;
 use crate::gateway::GATEWAY;
 use crate::lines::CONSOLE;
-use crate::semihosting::{self, CommandLine};
 use crate::names;
+use crate::semihosting::{self, CommandLine};
 use crate::uart::{DIVISOR_MIN, Line};
 
 /// Settings while none are saved: each line has its own range of units.

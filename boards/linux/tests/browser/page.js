@@ -12,7 +12,7 @@ const { marks, longText, versions, drags } = require("./settings.js");
 const { setUp, read, firstPicture } = require("./setup.js");
 const { folder, views, found, demand } = require("./tools.js");
 const { more, look, filters } = require("./views.js");
-const { points, measures, scans } = require("./work.js");
+const { points, measures, scans, updates } = require("./work.js");
 
 const ARGUMENTS = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update", "--disable-sync"];
 
@@ -38,7 +38,7 @@ async function main() {
     await longText(browser, state);
     await fivePages(browser, state);
     await byKeyboard(browser, state);
-    if (views) for (const clicks of [filters, measures, scans, versions, points, drags, users]) await clicks(browser, state);
+    if (views) for (const clicks of [filters, measures, scans, versions, points, drags, updates, users]) await clicks(browser, state);
   } finally {
     await browser.close();
   }

@@ -1,6 +1,8 @@
-// What the gateway asks and writes on command: points, scan and tune.
+// What the gateway asks and writes on command: points, scan, tune, and updates.
 
-const { expect, enter, get, discard, shot, judge, mbpoll } = require("./tools.js");
+const http = require("node:http");
+
+const { base, expect, open, enter, get, discard, shot, judge, mbpoll } = require("./tools.js");
 
 /// Writes by the point's dialog.
 async function write(page, name, value) {
@@ -93,4 +95,72 @@ async function scans(browser, state) {
   await page.context().close();
 }
 
-module.exports = { write, points, measures, scans };
+/// A board that takes updates, played in front of the gateway, which has all other paths: the emulated boards have either a network or
+/// updates. `hears` is called with each request for `/api/v1/update`, and its response.
+function boardBefore(hears) {
+  const { host, hostname, port } = new URL(base);
+  return http.createServer((request, response) => {
+    if (request.url === "/api/v1/update") return hears(request, response);
+    const headers = { ...request.headers, host };
+    if (headers.origin) headers.origin = base;
+    const behind = http.request({ hostname, port, path: request.url, method: request.method, headers }, (from) => {
+      response.writeHead(from.statusCode, from.headers);
+      from.pipe(response);
+    });
+    // Events do not end before the page.
+    behind.on("error", () => response.destroy());
+    response.on("close", () => behind.destroy());
+    return request.pipe(behind);
+  });
+}
+
+/// New firmware is sent with progress, refused, and taken back.
+async function updates(browser, state) {
+  const seen = { resume: null, respond: null, bytes: 0, wentBack: false };
+  const json = (response, status, body) => response.writeHead(status, { "Content-Type": "application/json" }).end(JSON.stringify(body));
+  const board = boardBefore((request, response) => {
+    if (request.method === "GET") return json(response, 200, { version: "0.1.0", board: "NUCLEO-H743ZI", state: "on trial" });
+    if (request.method === "DELETE") {
+      seen.wentBack = true;
+      return response.writeHead(204).end();
+    }
+    seen.bytes = 0;
+    seen.respond = (status, body) => json(response, status, body);
+    // The rest is read when the page has said how far it is.
+    request.once("readable", () => { seen.resume = () => request.on("data", (piece) => { seen.bytes += piece.length; }); });
+  });
+  await new Promise((resolve) => { board.listen(0, "127.0.0.1", resolve); });
+  const page = await open(await browser.newContext({ storageState: state }));
+  await page.goto(`http://127.0.0.1:${board.address().port}/#/update`);
+  const [send, progress] = [page.getByRole("button", { name: "Send and restart" }), page.getByRole("progressbar", { name: "Sent" })];
+  // More than the sockets between hold.
+  const image = { name: "firmware.mgu", mimeType: "application/octet-stream", buffer: Buffer.alloc(32 << 20, 7) };
+  const begin = async () => {
+    seen.resume = null;
+    await page.getByLabel("File").setInputFiles(image);
+    await send.click();
+    await page.getByRole("status").getByText(/^ [1-9]\d? %$/).waitFor();
+    expect("nothing else is sent meanwhile", await send.isDisabled());
+    await judge(page, "update");
+    await shot(page, "update-1280");
+    while (!seen.resume) await page.waitForTimeout(10);
+    seen.resume();
+    await page.getByText("It is checked.").waitFor();
+  };
+  await begin();
+  seen.respond(200, { version: "0.2.0" });
+  await page.getByText("0.2.0 is complete and genuine").waitFor();
+  expect(`the file was sent: ${seen.bytes} bytes`, seen.bytes === image.buffer.length);
+  await begin();
+  seen.respond(422, { error: { message: "the signature is wrong" } });
+  await page.getByText("the signature is wrong").waitFor();
+  await progress.waitFor({ state: "detached" });
+  await page.getByRole("button", { name: "Take back what is on trial" }).click();
+  await page.getByText("The firmware from before starts now.").waitFor();
+  expect("the board was told to go back", seen.wentBack);
+  await page.context().close();
+  board.closeAllConnections();
+  board.close();
+}
+
+module.exports = { write, points, measures, scans, updates };

@@ -3,10 +3,10 @@
 use core::net::IpAddr;
 
 use super::audit::Actor;
-// As what uses them.
 use crate::settings::{
     Allowed, PortId, PortKind, SSH, Settings, StreamFraming, TcpListen, TcpServerSettings, User,
 };
+// As what uses them.
 #[cfg(feature = "tls")]
 use crate::settings::{Certificate, TlsSettings};
 

@@ -21,8 +21,15 @@ export async function call(method, path, body, options) {
   if (response.ok) return response;
   const told = await response.json().then((json) => json.error, () => ({ message: response.statusText }));
   if (response.status === 401 && path !== "session" && app.user) leave();
-  const place = told.word ? ` (“${told.word}”${told.line ? `, ${T.line} ${told.line}` : ""})` : "";
-  throw Object.assign(new Error(told.message + place), { status: response.status, told });
+  if (response.status === 403 && path !== "session") refreshUser();
+  // The column is that of a line that nobody has typed.
+  throw Object.assign(new Error(told.message.replace(/^column \d+: /, "")), { status: response.status, told });
+}
+
+/// Asks for the user's role once more: somebody may have changed it.
+async function refreshUser() {
+  app.user = await get("session").catch(() => app.user);
+  redraw();
 }
 
 export const get = async (path) => (await call("GET", path)).json();

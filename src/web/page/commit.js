@@ -36,7 +36,7 @@ async function sendAll(lines) {
       warnings.push(...await sendLines(piece.map(({ line }) => line), piece === pieces[0]));
     } catch (error) {
       const at = error.told?.line;
-      if (at) error.message = error.message.replace(`${T.line} ${at}`, `${T.line} ${piece[at - 1].number}`);
+      if (at) error.message += ` (${T.line} ${piece[at - 1].number})`;
       throw error;
     }
   }

@@ -29,7 +29,7 @@ async function put(event) {
 }
 
 async function bringBack(version) {
-  await attempt(() => post("settings/versions", { version }), T.settings.brought);
+  if (!await attempt(() => post("settings/versions", { version }), T.settings.brought)) return;
   app.status.candidate = "open";
   document.getElementById("lines").value = shown;
   await attempt(loadSettings);

@@ -189,6 +189,18 @@ async function users(browser, state) {
   await page.getByRole("row", { name: "bert" }).waitFor({ state: "detached" });
   await viewer.getByLabel("User").waitFor();
   expect("a user who is deleted is out", !(await get(page, "users")).includes("bert"));
+  // Another role, which her page learns when it is refused something.
+  await page.getByLabel("Name").fill("olga");
+  await page.getByLabel("Role").selectOption("viewer");
+  await page.getByRole("button", { name: "Add", exact: true }).click();
+  await commit(page);
+  const button = operator.getByRole("button", { name: "Write pump" });
+  await button.click();
+  await operator.getByRole("dialog").getByLabel("Values").fill("0");
+  await operator.getByRole("dialog").getByRole("button", { name: "Write now" }).click();
+  await operator.getByText("needs the role operator; yours is viewer").waitFor();
+  await button.waitFor({ state: "detached" });
+  expect("what a viewer writes is not in the device", mbpoll(1, 16, 0) === 1);
   for (const one of [page, viewer, operator]) await one.context().close();
 }
 

@@ -40,7 +40,7 @@ async function longText(browser, state) {
   const wrong = `${before}${[...rules, "route nowhere 1 * * local"].join("\n")}`;
   await inForce.fill(wrong);
   await page.getByRole("button", { name: "Put into the changes" }).click();
-  await page.getByText(new RegExp(`“nowhere”, line ${wrong.split("\n").length}\\b`)).waitFor();
+  await page.getByText(new RegExp(`^"nowhere": .* \\(line ${wrong.split("\n").length}\\)`)).waitFor();
   expect("a wrong line is named, and leaves no changes", !(await get(page, "settings/candidate")).includes("route"));
   await inForce.fill(before + rules.join("\n"));
   await page.getByRole("button", { name: "Put into the changes" }).click();

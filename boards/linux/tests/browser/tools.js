@@ -35,7 +35,7 @@ async function open(browserContext) {
   page.on("pageerror", (error) => found.faults.push(`script: ${error.stack}`));
   page.on("console", (message) => {
     // The first question of a page is who has logged in; and what is not possible now, the page says itself.
-    const expected = found.isCut ? /net::ERR_/ : /status of (401|409|422)/;
+    const expected = found.isCut ? /net::ERR_/ : /status of (401|403|409|422)/;
     if (message.type() === "error" && !expected.test(message.text())) found.faults.push(`console: ${message.text()} (${message.location().url})`);
   });
   return page;

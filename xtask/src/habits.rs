@@ -67,13 +67,30 @@ pub(crate) fn rust_version() -> Outcome {
     run(check.env_remove("RUSTUP_TOOLCHAIN").env_remove("RUSTC"))
 }
 
-/// Checks the formatting of all packages, lints and docs of the workspace's, the editor's projects, and the Rust version.
+/// Checks the subjects of the last fifty commits, as CONTRIBUTING.md wants them. A copy without its history has none.
+fn subjects() -> Outcome {
+    if !root().join(".git").exists() || program("git").is_none() {
+        println!("no history here: the subjects of commits are not checked");
+        return Ok(());
+    }
+    // Whoever the files belong to.
+    let words = ["-c", "safe.directory=*", "log", "--no-merges", "--max-count=50", "--format=%s"];
+    let log = output(command("git", &words).current_dir(root()))?;
+    let is_good = |subject: &str| subject.chars().count() <= 72 && subject.contains(": ");
+    match log.lines().find(|subject| !is_good(subject)) {
+        Some(subject) => Err(format!("a commit is not `part: what` of at most 72 characters: {subject}")),
+        None => Ok(()),
+    }
+}
+
+/// Checks the formatting of all packages, the subjects of commits, lints and docs of the workspace's, the editor's projects, and the Rust version.
 pub(crate) fn lint() -> Outcome {
     run(&mut command("cargo", &["fmt", "--all", "--check"]))?;
     for package in folders_with("Cargo.toml")? {
         run(command("cargo", &["fmt", "--check"]).current_dir(&package))
             .map_err(|error| format!("{}: {error}", package.display()))?;
     }
+    subjects()?;
     linked_projects()?;
     rust_version()?;
     run(&mut cargo("clippy", &["--workspace", "--all-targets", "--", "-D", "warnings"]))?;

@@ -56,7 +56,7 @@ enum Task {
         no_install: bool,
         groups: Vec<Group>,
     },
-    /// Checks formatting, clippy's lints, the documentation and the rust-version
+    /// Checks formatting, subjects of commits, clippy's lints, the documentation and the rust-version
     Lint,
     /// Runs cargo for a board: `board nucleo_h743zi build`, `board core build` for the gateway's core alone
     Board {

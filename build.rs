@@ -93,10 +93,12 @@ mod page {
             let kind =
                 ["function ", "let ", "const ", "class "].into_iter().find(|kind| line.starts_with(kind));
             let rest = kind.and_then(|kind| line.strip_prefix(kind)).unwrap_or_default();
-            let name =
-                rest.split(|char: char| !char.is_alphanumeric() && char != '_').next().unwrap_or_default();
-            assert!(name.is_empty() || !names.contains(&name), "{FOLDER}: two modules declare {name}");
-            names.push(name);
+            let declared = rest.split(['=', '(', '{']).next().unwrap_or_default();
+            let words = declared.split(|char: char| !char.is_alphanumeric() && char != '_');
+            for name in words.filter(|word| !word.is_empty()) {
+                assert!(!names.contains(&name), "{FOLDER}: two modules declare {name}");
+                names.push(name);
+            }
         }
     }
 

@@ -101,6 +101,7 @@ use embassy_futures::select::{Either, select};
 use embedded_io_async::{Read, Write};
 
 // As its file.
+pub use self::asks::PASSWORD_BYTES;
 #[cfg(feature = "files")]
 pub use self::files::serve_files;
 pub use self::guard::Foreign;

@@ -1,15 +1,17 @@
 //! How the next line is interpreted: a command, a name or a password.
 
+use core::ops::RangeInclusive;
+
 use heapless::String;
 
 use super::mode::Mode;
 use crate::settings::{Name, USERS};
 
-/// Maximum bytes of a password.
-pub(super) const PASSWORD_BYTES_MAX: usize = 64;
+/// Bytes of a password.
+pub const PASSWORD_BYTES: RangeInclusive<usize> = 8..=64;
 
 /// A password's text.
-pub(super) type Password = String<PASSWORD_BYTES_MAX>;
+pub(crate) type Password = String<{ *PASSWORD_BYTES.end() }>;
 
 /// How the next line is interpreted.
 #[derive(Debug, Default)]

@@ -13,6 +13,7 @@ use super::session::Session;
 use super::wait::{Wait, WaitEvent};
 use crate::gateway::Candidate;
 use crate::gateway::commit::Uncommitted;
+use crate::gateway::cut_off::Way;
 use crate::hal::Store;
 use crate::language::{Offer, Verbs, Words, Wrong, small, time};
 use crate::settings::Role::{Engineer, Viewer};
@@ -143,7 +144,7 @@ impl<'g> Session<'_, 'g> {
             self.fail(&Uncommitted::Nothing);
             return;
         };
-        let who = (self.actor(), (self.port, false));
+        let who = (self.actor(), Way { port: self.port, by_name: false });
         match (candidate.commit(self.gateway, store, confirmed, who).await, confirmed) {
             (Err(error), _) => _ = self.fail(&error),
             (Ok(()), None) => self.out.line(format_args!("in force and saved")),

@@ -5,7 +5,7 @@ use core::mem::take;
 
 use embassy_time::Duration;
 
-use super::asks::{Asks, PASSWORD_BYTES_MAX, Password};
+use super::asks::{Asks, PASSWORD_BYTES, Password};
 use super::session::Session;
 use super::wait::Wait;
 use crate::gateway::Credential;
@@ -16,8 +16,6 @@ use crate::hal::System;
 use crate::language::{Words, Wrong, user_name};
 use crate::settings::{Name, Role, Settings, Time, USERS};
 
-/// Minimum bytes of a password.
-const PASSWORD_BYTES_MIN: usize = 8;
 /// Number of wrong passwords after which a session ends.
 const FAILURES_MAX: u8 = 3;
 
@@ -49,7 +47,12 @@ impl fmt::Display for Denied {
             Self::Pause(pause) => return write!(f, "too many failures: try again in {}", Time(*pause)),
             Self::NoSuchUser => "there is no user of this name: user NAME role viewer, operator or engineer",
             Self::Length => {
-                return write!(f, "a password has {PASSWORD_BYTES_MIN} to {PASSWORD_BYTES_MAX} characters");
+                return write!(
+                    f,
+                    "a password has {} to {} characters",
+                    PASSWORD_BYTES.start(),
+                    PASSWORD_BYTES.end()
+                );
             }
             Self::Differ => "the passwords differ",
             Self::NoHash => "this gateway has no users, or no random numbers",
@@ -89,9 +92,7 @@ impl Session<'_, '_> {
             Asks::New(_) | Asks::Again(..) if self.role < Role::Engineer => {
                 self.fail(&Denied::Role { needed: Role::Engineer, own: self.role })
             }
-            Asks::New(_) | Asks::Again(..)
-                if !(PASSWORD_BYTES_MIN..=PASSWORD_BYTES_MAX).contains(&line.len()) =>
-            {
+            Asks::New(_) | Asks::Again(..) if !PASSWORD_BYTES.contains(&line.len()) => {
                 self.fail(&Denied::Length)
             }
             Asks::New(user) if edits => {

@@ -12,7 +12,7 @@ use super::wait::{Wait, WaitEvent};
 use crate::fieldbus::{EthercatState, LineWriter};
 use crate::gateway::Gateway;
 use crate::gateway::audit::{Actor, Topic};
-use crate::gateway::cut_off::{CutOff, cut_off};
+use crate::gateway::cut_off::{CutOff, Way, cut_off};
 use crate::gateway::direct_request::{DirectRequestError, Turn};
 use crate::gateway::reconfigure::Unchanged;
 use crate::hal::{StoreError, System};
@@ -123,7 +123,8 @@ impl Session<'_, '_> {
 
     /// Refuses `new` settings that would cut off the session.
     pub(super) fn ahead(&self, new: &Settings) -> Result<(), CutOff> {
-        let why = self.gateway.settings(|in_force| cut_off(in_force, new, self.actor(), (self.port, false)));
+        let way = Way { port: self.port, by_name: false };
+        let why = self.gateway.settings(|in_force| cut_off(in_force, new, self.actor(), way));
         why.map_or(Ok(()), Err)
     }
 

@@ -10,7 +10,7 @@ use thiserror::Error;
 
 use super::audit::Actor;
 use super::candidate::{Candidate, Stage};
-use super::cut_off::{CutOff, cut_off};
+use super::cut_off::{CutOff, Way, cut_off};
 use super::reconfigure::Unchanged;
 use super::{ApplyError, Gateway, reconfigure, saved};
 use crate::hal::{Store, StoreError};
@@ -126,7 +126,7 @@ impl Candidate {
         gateway: &Gateway<'_>,
         store: &mut impl Store,
         confirmed: Option<Duration>,
-        (actor, way): (Actor<'_>, (Option<PortId>, bool)),
+        (actor, way): (Actor<'_>, Way),
     ) -> Result<(), Uncommitted> {
         let mut settings = self.settings.try_lock()?;
         gateway.sign(store, actor);

@@ -8,18 +8,27 @@ use crate::settings::{
 };
 // As what uses them.
 #[cfg(feature = "tls")]
-use crate::settings::{Certificate, TlsSettings};
+use crate::settings::{Certificate, Purpose, TlsSettings};
 
 /// Why a change of the settings is refused.
 pub(crate) type CutOff = &'static str;
 
-/// Why `after` would lock out `actor`, who is connected through `port`, if that is one of the settings, perhaps `by_name`: the one of
-/// mDNS. The local console is always open, and whoever has not logged in changes nothing.
+/// How a session has come in.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Way {
+    /// Its port, if that is one of the settings.
+    pub(crate) port: Option<PortId>,
+    /// By the name of mDNS.
+    pub(crate) by_name: bool,
+}
+
+/// Why `after` would lock out `actor`, who has come in by `way`. The local console is always open, and whoever has not logged in
+/// changes nothing.
 pub(crate) fn cut_off(
     before: &Settings,
     after: &Settings,
     actor: Actor<'_>,
-    (port, by_name): (Option<PortId>, bool),
+    Way { port, by_name }: Way,
 ) -> Option<CutOff> {
     let Actor::User { name, peer } = actor else { return None };
     let entrance = port.and_then(|port| Entrance::of(before, port));
@@ -85,14 +94,24 @@ impl<'s> Entrance<'s> {
         self.allowed.admits(peer) && (self.is_open || peer.is_loopback())
     }
 
-    /// Whether it is encrypted as `old` is, or like it not at all: further certificates do not matter, because the first one counts.
+    /// Whether it is encrypted as `old` is, by the same certificates, or like it not at all.
     #[cfg(feature = "tls")]
     fn is_encrypted_as(&self, old: &Self) -> bool {
         match (self.tls, old.tls) {
-            (Some((new, certificates)), Some((old, known))) => new == old && certificates.starts_with(known),
+            (Some((new, certificates)), Some((old, known))) => {
+                new == old && used(new, certificates).eq(used(old, known))
+            }
             (new, old) => new.is_none() && old.is_none(),
         }
     }
+}
+
+/// The certificates that a server with TLS uses: its own one, and those that it trusts, if it names some.
+#[cfg(feature = "tls")]
+fn used<'s>(tls: &'s TlsSettings, all: &'s [Certificate]) -> impl Iterator<Item = &'s Certificate> {
+    let own = all.iter().filter(|one| one.purpose == Purpose::Own);
+    let own = own.filter(|one| tls.certificate.as_ref().is_none_or(|name| *name == one.name)).take(1);
+    own.chain(all.iter().filter(|one| tls.trust.as_ref() == Some(&one.name)))
 }
 
 /// Why `peer` could not connect again as it did through `old`.
@@ -155,7 +174,7 @@ mod tests {
             apply(&mut after, line).unwrap();
         }
         let actor = Actor::User { name: "anna", peer };
-        cut_off(&before, &after, actor, (before.find("web"), by_name))
+        cut_off(&before, &after, actor, Way { port: before.find("web"), by_name })
     }
 
     fn web(options: &str) -> String {
@@ -186,11 +205,18 @@ mod tests {
         for (line, why) in [
             ("certificate one own /other.pem key /one.key", TLS),
             ("delete certificate one", TLS),
+            // The port uses none of these.
+            ("delete certificate two", None),
+            ("delete certificate ca", None),
             ("certificate three own /three.pem key /three.key", None),
         ] {
             assert_eq!(told(PEER, false, &[&web("tls")], &[line]), why, "{line}");
             assert_eq!(told(PEER, false, &[&web("cleartext")], &[line]), None, "{line}");
         }
+        let trusts = [&*web("tls certificate two trust ca")];
+        assert_eq!(told(PEER, false, &trusts, &["certificate ca clients /other.pem"]), TLS);
+        assert_eq!(told(PEER, false, &trusts, &["certificate two own /other.pem key /two.key"]), TLS);
+        assert_eq!(told(PEER, false, &trusts, &["certificate one own /other.pem key /one.key"]), None);
     }
 
     #[test]

@@ -8,6 +8,13 @@ use crate::settings::{PortId, Settings};
 /// There is no reason.
 pub(crate) type CutOff = Infallible;
 
-pub(crate) fn cut_off(_: &Settings, _: &Settings, _: Actor<'_>, _: (Option<PortId>, bool)) -> Option<CutOff> {
+/// How a session has come in.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Way {
+    pub(crate) port: Option<PortId>,
+    pub(crate) by_name: bool,
+}
+
+pub(crate) fn cut_off(_: &Settings, _: &Settings, _: Actor<'_>, _: Way) -> Option<CutOff> {
     None
 }

@@ -3,13 +3,13 @@
 use heapless::Vec;
 
 use crate::scanner::DEVICES_MAX;
-#[cfg(feature = "files")] // As what uses it.
-use crate::settings::USERS;
 use crate::settings::{
     Certificate, Certificates, Destination, DeviceSettings, Mdns, NtpServers, OwnNetwork, POINTS_MAX,
     PORTS_MAX, PointSettings, Port, PortId, PortKind, Publishers, ROUTES_MAX, Route, SERVERS_MAX, SLAVES_MAX,
     ServerAddress, ServerSettings, SlaveSettings, Syslog, Syslogs, TcpServerSettings, User, Users,
 };
+#[cfg(feature = "files")] // As what uses it.
+use crate::settings::{MQTT, USERS};
 
 /// Everything that `save` stores and `show config` prints.
 #[derive(Debug, Eq, Default)]
@@ -150,11 +150,19 @@ impl Settings {
         self.users.iter_mut().find(|user| user.name == name)
     }
 
-    /// Gives users without a password the one that they have in `before`.
-    #[cfg(feature = "files")] // As what asks for it.
+    /// Gives users without a password the one that they have in `before`, and publishers that keep their user theirs: passwords are
+    /// never shown, so a text that comes back has none.
+    #[cfg(any(feature = "files", feature = "web"))] // As what asks for it.
     pub(crate) fn keep_passwords(&mut self, before: &Self) {
         for user in self.users.iter_mut().filter(|user| USERS && user.password.is_none()) {
             user.password = before.user(&user.name).and_then(|user| user.password.clone());
+        }
+        if MQTT {
+            for publisher in self.publishers.iter_mut().filter(|publisher| publisher.password.is_empty()) {
+                let mut all = before.publishers.iter();
+                let same = all.find(|old| old.name == publisher.name && old.user == publisher.user);
+                same.iter().for_each(|old| publisher.password.clone_from(&old.password));
+            }
         }
     }
 

@@ -21,6 +21,7 @@ use super::untaken::Untaken;
 use crate::console::access::{self, Ask, Asked, Denied, NotAsked};
 use crate::gateway::audit::Topic;
 use crate::gateway::commit::Uncommitted;
+use crate::gateway::cut_off::Way;
 use crate::gateway::difference::Difference;
 use crate::gateway::enter::Refused as NotEntered;
 use crate::gateway::web::Token;
@@ -262,7 +263,7 @@ impl<'a, 'g, S: Store, U: Update, Y: System> Api<'a, 'g, S, U, Y> {
             None => gateway.audit(Topic::Command, self.actor(caller), format_args!("commit")),
         }
         let mut store = self.store.lock().await;
-        let who = (self.actor(caller), (Some(self.port), caller.by_name));
+        let who = (self.actor(caller), Way { port: Some(self.port), by_name: caller.by_name });
         let done = candidate.commit(gateway, *store, confirmed, who).await;
         done.map_err(|error| uncommitted(&error, response))
     }

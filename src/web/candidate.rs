@@ -5,7 +5,6 @@ use super::untaken::Untaken;
 use crate::gateway::commit::Uncommitted;
 use crate::gateway::{Gateway, reconfigure};
 use crate::language::apply;
-use crate::settings::{MQTT, Settings};
 
 /// Why nothing was changed.
 // Passed on once, and there is no heap for the larger one.
@@ -56,20 +55,9 @@ pub(super) async fn change(
         }
         return Err(Unchanged::Untaken(untaken));
     }
-    keep_passwords(&mut draft, &settings);
+    draft.keep_passwords(&settings);
+    // A long text comes by pieces, of which the first one replaces the candidate.
+    gateway.settings(|in_force| draft.keep_passwords(in_force));
     settings.clone_from(&draft);
     Ok(count)
-}
-
-fn keep_passwords(new: &mut Settings, old: &Settings) {
-    for user in new.users.iter_mut().filter(|user| user.password.is_none()) {
-        user.password = old.user(&user.name).and_then(|old| old.password.clone());
-    }
-    if MQTT {
-        for publisher in new.publishers.iter_mut().filter(|publisher| publisher.password.is_empty()) {
-            let same =
-                old.publishers.iter().find(|old| old.name == publisher.name && old.user == publisher.user);
-            same.iter().for_each(|old| publisher.password.clone_from(&old.password));
-        }
-    }
 }

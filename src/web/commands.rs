@@ -13,15 +13,13 @@ use super::response::{Content, Message, Refused, Response};
 use super::routes::Call;
 use super::untaken::cut;
 use super::versions::Versions;
+use crate::console::PASSWORD_BYTES;
 use crate::console::access::{self, Denied, NotBegun, Running};
 use crate::gateway::audit::Topic;
 use crate::gateway::direct_request::DirectRequestError;
 use crate::gateway::reconfigure;
 use crate::hal::{Store, System, Update};
 use crate::routing::Decision;
-
-/// Bytes of a password: as at consoles.
-const PASSWORD_BYTES: core::ops::RangeInclusive<usize> = 8..=64;
 
 const SCAN: &[Member] = &[
     needed("port", Kind::Word),
@@ -147,7 +145,7 @@ impl<'a, 'g, S: Store, U: Update, Y: System> Api<'a, 'g, S, U, Y> {
         let (name, password) =
             parse(body, PASSWORD, response).map(|members| (members.user(), members.password()))?;
         if !PASSWORD_BYTES.contains(&password.len()) || password.chars().any(char::is_control) {
-            return Err(response.error(422, &"a password has 8 to 64 characters"));
+            return Err(response.error(422, &Denied::Length));
         }
         let gateway = self.gateway;
         let name = name.filter(|name| gateway.settings(|settings| settings.user(name).is_some()));

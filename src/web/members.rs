@@ -6,6 +6,7 @@ use heapless::String;
 
 use super::reader::Reader;
 use super::untaken::Untaken;
+use crate::console::PASSWORD_BYTES;
 use crate::language::parse_address;
 use crate::settings::{ClientRole, Name};
 
@@ -40,9 +41,8 @@ pub(super) enum Kind {
 
 pub(super) const BYTE: Kind = Kind::Number(0xff);
 pub(super) const WORD: Kind = Kind::Number(0xffff);
-const PASSWORD_BYTES_MAX: usize = 64;
 /// A name or a password.
-pub(super) const TEXT: Kind = Kind::Text(PASSWORD_BYTES_MAX);
+pub(super) const TEXT: Kind = Kind::Text(*PASSWORD_BYTES.end());
 
 /// A member: its name, what it is, whether it is needed, and the word before it in a line.
 pub(super) struct Member {
@@ -120,7 +120,7 @@ impl Members {
     }
 
     /// The password, which outlives what else was read.
-    pub(super) fn password(&self) -> String<PASSWORD_BYTES_MAX> {
+    pub(super) fn password(&self) -> String<{ *PASSWORD_BYTES.end() }> {
         self.get("password").and_then(|password| String::try_from(password).ok()).unwrap_or_default()
     }
 

@@ -267,13 +267,13 @@ impl Content<'_, '_> {
             | Self::Point(_)
             | Self::Job(_)
             | Self::Frames(_) => Ok(false),
-            Self::Status(status) => status.next(source, out),
-            Self::Live(status, ..) => {
+            Self::Status(status) => retried(status, |status| status.next(source, out)),
+            Self::Live(status, ..) => retried(status, |status| {
                 // An event is a line: in JSON, line ends are escaped.
                 out.write_str(if status.is_new() { "data: " } else { "" })?;
                 let more = status.next(source, out)?;
                 out.write_str(if more && status.has_just_ended() { "\n\n" } else { "" }).map(|()| more)
-            }
+            }),
             Self::Settings(written) => retried(written, |written| written.next(source.gateway, out)),
             Self::Schema(schema) => retried(schema, |schema| schema.next(out)),
             Self::Versions(versions) => versions.next(out),

@@ -86,7 +86,7 @@ impl Method {
 /// What the paths of the table begin with, but for [`METRICS`].
 const API: &str = "/api/v1/";
 
-/// A path as the table has it.
+/// A path as the table has it; `/api/v1//metrics` is not [`METRICS`].
 pub(super) fn short(path: &str) -> &str {
     path.strip_prefix(API).filter(|rest| !rest.starts_with('/')).unwrap_or(path)
 }

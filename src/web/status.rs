@@ -28,6 +28,7 @@ const ALL: &[TableOf] = &[
 type Heading = String<128>;
 
 /// An object of tables, and how far it has been written.
+#[derive(Clone)]
 pub(super) struct Status {
     tables: &'static [TableOf],
     /// The next of them.

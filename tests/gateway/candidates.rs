@@ -17,7 +17,7 @@ use crate::web_user::{JSON, User};
 
 /// Commits that change the settings in force, in all by default; `MOBGATE_COMMITS` says how many else.
 const COMMITS: u64 = 10_000;
-/// Steps of a world, of which a third are commits that change something.
+/// Steps of a world, of which ten and more are commits that change something.
 const STEPS: usize = 28;
 /// The longest that a commit waits for its confirmation here.
 const CONFIRMED_MAX_S: u64 = 60;

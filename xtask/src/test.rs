@@ -62,7 +62,7 @@ pub(crate) fn run_all(suites: &[Suite], boards: &[String], install: bool) -> Out
     let as_root = |suite: &Suite| matches!(suite, Suite::Package | Suite::Rp2040);
     if suites.iter().any(as_root) && !may_be_root()? {
         return Err(
-            "the tests package and rp2040 need root, or sudo; without it: cargo xtask test workspace browser qemu"
+            "the tests package and rp2040 need root, or sudo; without it: cargo xtask test workspace browser qemu qemu-browser stm32"
                 .into(),
         );
     }

@@ -8,48 +8,47 @@ import { T } from "./texts.js";
 /// Seconds within which a commit on trial must be confirmed.
 const TRIAL = 300;
 
-/// Characters of lines that every board takes in one request.
+/// Bytes of lines that every board takes in one request.
 const PIECE = 1500;
+const bytes = new TextEncoder();
 
-/// Sends lines to the candidate, or in place of it; the promise has the warnings.
+/// Sends lines to the candidate, or in place of it, by pieces; the promise has the warnings.
 async function sendLines(lines, replaces) {
-  const response = await call(replaces ? "PUT" : "POST", "settings/candidate", lines.join("\n"));
-  return (await response.json()).warnings;
-}
-
-/// Sends lines in place of the candidate, by pieces. Users come with the first one: a candidate that lacks them forgets their passwords.
-async function sendAll(lines) {
-  const numbered = lines.map((line, at) => ({ line, number: at + 1, later: !/^(user|publish) /.test(line) }));
   const pieces = [[]];
   let left = PIECE;
-  for (const one of numbered.sort((a, b) => a.later - b.later)) {
-    left -= one.line.length + 1;
-    if (left < 0) {
+  for (const line of lines) {
+    const length = bytes.encode(line).length + 1;
+    if (length > left) {
       pieces.push([]);
-      left = PIECE - one.line.length;
+      left = PIECE;
     }
-    pieces.at(-1).push(one);
+    pieces.at(-1).push(line);
+    left -= length;
   }
   const warnings = [];
+  let taken = 0;
   for (const piece of pieces) {
     try {
-      warnings.push(...await sendLines(piece.map(({ line }) => line), piece === pieces[0]));
+      const response = await call(replaces && !taken ? "PUT" : "POST", "settings/candidate", piece.join("\n"));
+      warnings.push(...(await response.json()).warnings);
     } catch (error) {
-      const at = error.told?.line;
-      if (at) error.message += ` (${T.line} ${piece[at - 1].number})`;
+      if (error.told?.line && lines.length > 1) error.message += ` (${T.line} ${taken + error.told.line})`;
+      // The candidate has some of the lines.
+      error.isPartial = taken > 0;
       throw error;
     }
+    taken += piece.length;
   }
   return warnings;
 }
 
-/// Replaces the candidate by these lines, all or none.
-async function replace(lines) {
+/// The same, all lines or none: what there was before is there again.
+async function sendAll(lines, replaces) {
   const before = app.status.candidate === "open" ? await text("settings/candidate") : null;
   try {
-    return await sendAll(lines);
+    return await sendLines(lines, replaces);
   } catch (error) {
-    await (before === null ? call("DELETE", "settings/candidate") : sendAll(before.split("\n"))).catch(() => {});
+    if (error.isPartial) await (before === null ? call("DELETE", "settings/candidate") : sendLines(before.split("\n"), true));
     throw error;
   }
 }
@@ -57,7 +56,7 @@ async function replace(lines) {
 /// Changes the candidate by lines, and tells about likely mistakes.
 export async function change(lines, replaces) {
   return attempt(async () => {
-    const warnings = await (replaces ? replace : sendLines)(lines);
+    const warnings = await sendAll(lines, replaces);
     if (warnings.length) tell(warnings.map((warning) => warning.message).join("; "), "warn");
     else tell(T.candidate.changed);
     if (app.status && app.status.candidate === "none") app.status.candidate = "open";
@@ -67,7 +66,7 @@ export async function change(lines, replaces) {
 
 /// Puts lines in force and saves them at once, where nobody has a candidate.
 export async function applyAll(lines) {
-  await call("POST", "settings/candidate", lines.join("\n"));
+  await sendAll(lines);
   try {
     await post("settings/commit", {});
   } catch (error) {

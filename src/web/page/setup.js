@@ -32,6 +32,8 @@ async function chooseLine(event) {
   event.preventDefault();
   const form = new FormData(event.target);
   const taken = form.get("line");
+  event.target.elements.device.required = !taken;
+  if (!event.target.reportValidity()) return;
   line = taken || freeName("P");
   const made = `port ${line} serial ${form.get("device")} rtu client 19200 8E1`;
   if (taken || await attempt(() => applyAll([made]))) go(2);
@@ -99,7 +101,10 @@ export const setup = {
   id: "setup",
   isOffered: () => may("engineer"),
   load: loadLines,
-  leave: () => { if (step === 4) step = 1; },
+  leave: () => {
+    serialLines = null;
+    if (step === 4) step = 1;
+  },
   draw: () => [
     h("h1", null, T.nav.setup),
     h("ol", { class: "steps" }, T.setup.steps.map((name, at) => h("li", { class: at + 1 === step ? "now" : at + 1 < step ? "past" : "", "aria-current": at + 1 === step && "step" }, name))),

@@ -95,7 +95,7 @@ export const T = {
   ethercat: {
     intro: "What a MainDevice sees of this gateway.", controller: "Controller", state: "State", line: "Line", modules: "Devices in the process image", noModules: "No device is in the image: a line “slave 0 unit N ...” in Settings, or the MainDevice’s configuration adds one.",
     inputs: "Read from it, and where that is in the inputs", outputs: "Written to it, and where that is in the outputs", number: "No",
-    image: "Values", direction: "Direction", ways: { inputs: "read", outputs: "written" }, noImage: "No MainDevice uses the image.",
+    image: "Values", direction: "Direction", ways: { inputs: "read", outputs: "written" }, noImage: "No configuration is in use: see the state above.",
     none: "No controller is known.",
   },
   update: {

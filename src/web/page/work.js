@@ -8,9 +8,9 @@ import { T } from "./texts.js";
 /// The work that runs, or ran last: its kind, port, lines so far, and what it found.
 export const work = { kind: null, port: null, running: false, begun: 0, ends: 0, log: [], found: [], proposed: [] };
 
-/// When the work is over by its own estimate, if this line has one: `about 12s; ...`, `... in all 3m left`.
+/// When a scan is over by its own estimate, if this line has one: `about 12s; ...`, `... in all 3m left`.
 function estimate(line) {
-  const [, count, unit] = /(?:^about|in all|, about) (\d+)([sm])\b/.exec(line) || [];
+  const [, count, unit] = /(?:^about|in all) (\d+)([sm])\b/.exec(line) || [];
   if (count) work.ends = performance.now() + count * (unit === "m" ? 60_000 : 1000);
 }
 

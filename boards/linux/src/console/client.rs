@@ -102,6 +102,11 @@ impl Terminal {
         Ok(changed)
     }
 
+    /// Whether the mode was changed.
+    pub(super) fn has_changed(&self) -> bool {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).is_some()
+    }
+
     fn leave(&self) {
         drop(self.0.lock().unwrap_or_else(PoisonError::into_inner).take());
     }

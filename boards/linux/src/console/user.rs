@@ -1,18 +1,23 @@
-//! `mobgate user add`: adds a user of the gateway running on this machine by three lines of its console.
+//! `mobgate user add`: adds a user of the gateway running on this machine by two lines of its console.
 //!
 //! The password is typed twice at a terminal, which does not show it, or is one line of standard input.
 
 use std::io::{self, IsTerminal, Write as _, stderr, stdin};
 use std::process::ExitCode;
 
+use mobgate::console::PASSWORD_BYTES;
+use mobgate::settings::PasswordHash;
+
 use super::client::{Terminal, carry_out, exit_code};
 use crate::cli::NewUser;
+use crate::passwords;
+use crate::reactor::block_on;
 use crate::stdio::RawMode;
 
 /// Adds the user, and saves the settings.
 pub fn add(user: &NewUser) -> ExitCode {
-    match password(user) {
-        Ok(password) => exit_code(tell(user, &password)),
+    match hash_of_new(user) {
+        Ok(hash) => exit_code(tell(user, &hash)),
         Err(fault) => {
             eprintln!("mobgate: {fault}");
             exit_code(Ok(Some(false)))
@@ -20,12 +25,10 @@ pub fn add(user: &NewUser) -> ExitCode {
     }
 }
 
-/// Runs the lines one after the other: a password behind a line that was refused would be taken for a command.
-fn tell(NewUser { name, role, socket }: &NewUser, password: &str) -> Result<Option<bool>, String> {
-    let lines =
-        [format!("user {name} role {role}\n"), format!("password {name}\n{password}\n"), "save\n".into()];
-    for line in lines {
-        let done = carry_out(socket.as_deref(), &line)?;
+/// Runs both lines, the second one if the first one was carried out.
+fn tell(NewUser { name, role, socket }: &NewUser, hash: &str) -> Result<Option<bool>, String> {
+    for line in [&*format!("user {name} role {role} password \"{hash}\"\n"), "save\n"] {
+        let done = carry_out(socket.as_deref(), line)?;
         if done != Some(true) {
             return Ok(done);
         }
@@ -34,12 +37,24 @@ fn tell(NewUser { name, role, socket }: &NewUser, password: &str) -> Result<Opti
     Ok(Some(true))
 }
 
-/// Reads the password of the new user.
+/// Reads the password of the new user, and gives its hash: the gateway is told no more.
+fn hash_of_new(user: &NewUser) -> Result<PasswordHash, String> {
+    let password = password(user)?;
+    if !PASSWORD_BYTES.contains(&password.len()) {
+        let (least, most) = PASSWORD_BYTES.into_inner();
+        return Err(format!("a password has {least} to {most} characters"));
+    }
+    block_on(passwords::hash(&password)).ok_or_else(|| "no random numbers for the hash".into())
+}
+
 fn password(user: &NewUser) -> Result<String, String> {
     if !stdin().is_terminal() {
         return line();
     }
-    let _hidden_until_read = Terminal::enter(RawMode::hide).map_err(|error| error.to_string())?;
+    let hidden = Terminal::enter(RawMode::hide).map_err(|error| error.to_string())?;
+    if !hidden.has_changed() {
+        return Err("this terminal would show the password: pass it on standard input".into());
+    }
     let first = ask(&format!("new password of {}: ", user.name))?;
     if ask("again: ")? == first { Ok(first) } else { Err("the passwords differ".into()) }
 }

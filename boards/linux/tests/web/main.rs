@@ -137,14 +137,14 @@ fn failures_to_log_in_pause_their_address_for_a_while_and_nobody_else() {
     let refused = web.log_in("anna", "let me in").gets(429);
     assert!(refused.message().contains("too many failures"), "{refused:?}");
     assert_eq!(refused.header("Retry-After"), Some("1"));
+    // Another user waits, too: the failures are the address's.
+    web.log_in("operator", "let me in").gets(429);
     // The same user at another address, and whoever has logged in at this one, are served meanwhile.
     let elsewhere = web.log_in("anna", "let me in").from(Ipv4Addr::new(127, 0, 0, 2)).gets(200);
     let elsewhere = elsewhere.json()["token"].as_str().unwrap().to_owned();
     for token in [&token, &elsewhere] {
         web.request("GET", "/api/v1/status").bearer(token).gets(200);
     }
-    // Another user of this address waits, too: the failures are its own.
-    web.log_in("operator", "let me in").gets(429);
     // Attempts meanwhile do not prolong the pause, and after it the right password is taken.
     wait_for("the end of the pause", || {
         let response = web.log_in("anna", "let me in").send();

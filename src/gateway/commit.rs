@@ -14,7 +14,7 @@ use super::cut_off::{CutOff, Way, cut_off};
 use super::reconfigure::Unchanged;
 use super::{ApplyError, Gateway, reconfigure, saved};
 use crate::hal::{Store, StoreError};
-use crate::settings::{PortId, Settings};
+use crate::settings::Settings;
 
 /// Why a candidate could not be begun, changed or committed.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]

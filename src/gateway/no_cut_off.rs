@@ -9,6 +9,7 @@ use crate::settings::{PortId, Settings};
 pub(crate) type CutOff = Infallible;
 
 /// How a session has come in.
+#[allow(dead_code)] // Nobody asks here.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Way {
     pub(crate) port: Option<PortId>,

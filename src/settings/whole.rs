@@ -8,7 +8,7 @@ use crate::settings::{
     PORTS_MAX, PointSettings, Port, PortId, PortKind, Publishers, ROUTES_MAX, Route, SERVERS_MAX, SLAVES_MAX,
     ServerAddress, ServerSettings, SlaveSettings, Syslog, Syslogs, TcpServerSettings, User, Users,
 };
-#[cfg(feature = "files")] // As what uses it.
+#[cfg(any(feature = "files", feature = "web"))] // As what uses them.
 use crate::settings::{MQTT, USERS};
 
 /// Everything that `save` stores and `show config` prints.

@@ -259,7 +259,7 @@ impl Content<'_, '_> {
     }
 
     /// Writes the next piece; `false`: there was none. After an error the same piece is the next one.
-    fn next(&mut self, source: &Source<'_, '_>, out: &mut Piece) -> Result<bool, fmt::Error> {
+    pub(super) fn next(&mut self, source: &Source<'_, '_>, out: &mut Piece) -> Result<bool, fmt::Error> {
         match self {
             Self::Nothing
             | Self::Json(_)

@@ -9,9 +9,15 @@ use proptest::prelude::*;
 use serde_json::{Value, json};
 
 use super::lines::Lines;
-use super::piece::Piece;
+use super::piece::{Piece, Source};
+use super::response::Content;
 use super::settings::{Schema, Written};
+use super::status::Status;
 use super::untaken::Untaken;
+use crate::frame::FramePool;
+use crate::gateway::web::Token;
+use crate::gateway::{Gateway, Ports};
+use crate::hal::System;
 use crate::language::apply;
 use crate::language::tests::properties::any::any_settings;
 use crate::settings::Settings;
@@ -171,5 +177,67 @@ fn members_may_come_in_any_order_and_wrong_ones_are_named() {
         json!({"slave": [{"number": "0", "unit": 1}]}),
     ] {
         assert!(!fits(&wrong, &SCHEMA), "{wrong}");
+    }
+}
+
+/// Bytes of a piece.
+const ROOM: usize = 1_024;
+
+/// What is sent of `content` if the first piece has so many bytes left: what does not fit is the beginning of the next one.
+fn sent(mut content: Content<'_, '_>, source: &Source<'_, '_>, left: usize) -> String {
+    let (mut text, mut left) = (String::new(), left);
+    loop {
+        let mut piece = heapless::String::<ROOM>::new();
+        (left..ROOM).for_each(|_| piece.push(' ').unwrap());
+        let begin = piece.len();
+        let more = loop {
+            let before = piece.len();
+            match content.next(source, piece.as_mut_view()) {
+                Ok(true) => {}
+                Ok(false) => break false,
+                Err(_) => {
+                    piece.truncate(before);
+                    break true;
+                }
+            }
+        };
+        text.push_str(&piece[begin..]);
+        left = ROOM;
+        if !more {
+            return text;
+        }
+    }
+}
+
+#[test]
+fn a_status_is_whole_wherever_a_piece_ends() {
+    struct Board;
+    impl System for Board {
+        fn name(&self) -> &str {
+            "board"
+        }
+
+        fn reboot(&self) {}
+    }
+    let (pool, ports) = (FramePool::new(&[], 0), Ports::<2>::new());
+    let gateway = Gateway::new(&pool, &ports, &[]);
+    let mut settings = Settings::new();
+    apply(&mut settings, "port P1 serial uart1 rtu client 9600 8N1").unwrap();
+    apply(&mut settings, "route P1 1 * * local").unwrap();
+    gateway.apply(&settings).unwrap();
+    let source = Source { gateway: &gateway, system: &Board };
+    let parsed = |text: &str| {
+        let mut status: Value = serde_json::from_str(text).unwrap_or_else(|error| panic!("{error}: {text}"));
+        // It has the time since the start.
+        status["version"].take();
+        status
+    };
+    let whole = parsed(&sent(Content::Status(Status::new()), &source, ROOM));
+    assert_eq!(whole["rules"].as_array().unwrap().len(), 1, "{whole}");
+    for left in 0..ROOM {
+        assert_eq!(parsed(&sent(Content::Status(Status::new()), &source, left)), whole, "{left}");
+        let event = sent(Content::Live(Status::new(), Token::default()), &source, left);
+        let data = event.strip_prefix("data: ").and_then(|rest| rest.strip_suffix("\n\n"));
+        assert_eq!(parsed(data.unwrap_or_else(|| panic!("{left}: {event:?}"))), whole, "{left}");
     }
 }

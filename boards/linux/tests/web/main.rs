@@ -187,6 +187,14 @@ fn a_whole_text_that_is_put_back_keeps_the_passwords_of_publishers() {
     };
     let kept = saved(&format!("{shown}route P502 10 * * local\n"));
     assert!(kept.contains("P502 10") && kept.contains("let me in"), "{kept}");
+    // By pieces, of which the first one lacks whoever has a password.
+    let has_password = |line: &&str| line.starts_with("user ") || line.starts_with("publish ");
+    let (later, first): (Vec<&str>, Vec<&str>) = shown.lines().partition(has_password);
+    request("PUT", "/candidate").lines(&first.join("\n")).gets(200);
+    request("POST", "/candidate").lines(&later.join("\n")).gets(200);
+    request("POST", "/commit").json("{}").gets(204);
+    let kept = fs::read_to_string(web.program.config()).unwrap();
+    assert_eq!((kept.matches("$argon2id$").count(), kept.contains("let me in")), (3, true), "{kept}");
     // The password was that of another user.
     let another = saved(&shown.replace("user gateway", "user somebody"));
     assert!(another.contains("user somebody") && !another.contains("let me in"), "{another}");

@@ -12,8 +12,8 @@ const TRIAL = 300;
 const PIECE = 1500;
 const bytes = new TextEncoder();
 
-/// Sends lines to the candidate, or in place of it, by pieces; the promise has the warnings.
-async function sendLines(lines, replaces) {
+/// The lines in pieces, one for each request.
+function inPieces(lines) {
   const pieces = [[]];
   let left = PIECE;
   for (const line of lines) {
@@ -25,6 +25,11 @@ async function sendLines(lines, replaces) {
     pieces.at(-1).push(line);
     left -= length;
   }
+  return pieces;
+}
+
+/// Sends pieces to the candidate, or in place of it; the promise has the warnings. An error tells how many lines were taken.
+async function sendPieces(pieces, replaces) {
   const warnings = [];
   let taken = 0;
   for (const piece of pieces) {
@@ -32,23 +37,22 @@ async function sendLines(lines, replaces) {
       const response = await call(replaces && !taken ? "PUT" : "POST", "settings/candidate", piece.join("\n"));
       warnings.push(...(await response.json()).warnings);
     } catch (error) {
-      if (error.told?.line && lines.length > 1) error.message += ` (${T.line} ${taken + error.told.line})`;
-      // The candidate has some of the lines.
-      error.isPartial = taken > 0;
-      throw error;
+      throw Object.assign(error, { taken });
     }
     taken += piece.length;
   }
   return warnings;
 }
 
-/// The same, all lines or none: what there was before is there again.
-async function sendAll(lines, replaces) {
-  const before = app.status.candidate === "open" ? await text("settings/candidate") : null;
+/// Sends all lines, or none: what there was before is there again.
+async function sendLines(lines, replaces) {
+  const pieces = inPieces(lines);
+  const before = pieces.length > 1 ? await text("settings/candidate").catch(() => null) : null;
   try {
-    return await sendLines(lines, replaces);
+    return await sendPieces(pieces, replaces);
   } catch (error) {
-    if (error.isPartial) await (before === null ? call("DELETE", "settings/candidate") : sendLines(before.split("\n"), true));
+    if (error.told?.line && lines.length > 1) error.message += ` (${T.line} ${error.taken + error.told.line})`;
+    if (error.taken) await (before === null ? call("DELETE", "settings/candidate") : sendPieces(inPieces(before.split("\n")), true));
     throw error;
   }
 }
@@ -56,7 +60,7 @@ async function sendAll(lines, replaces) {
 /// Changes the candidate by lines, and tells about likely mistakes.
 export async function change(lines, replaces) {
   return attempt(async () => {
-    const warnings = await sendAll(lines, replaces);
+    const warnings = await sendLines(lines, replaces);
     if (warnings.length) tell(warnings.map((warning) => warning.message).join("; "), "warn");
     else tell(T.candidate.changed);
     if (app.status && app.status.candidate === "none") app.status.candidate = "open";
@@ -66,7 +70,7 @@ export async function change(lines, replaces) {
 
 /// Puts lines in force and saves them at once, where nobody has a candidate.
 export async function applyAll(lines) {
-  await sendAll(lines);
+  await sendLines(lines);
   try {
     await post("settings/commit", {});
   } catch (error) {

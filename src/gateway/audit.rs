@@ -31,6 +31,7 @@ pub use self::message::MESSAGE_BYTES_MAX;
 pub(crate) use self::message::{loss, message};
 pub use self::stamp::Stamp;
 pub use self::state::Forwarding;
+pub(crate) use self::topic::Way;
 pub use self::topic::{Actor, Topic};
 pub use self::trail::COUNTED_FOR;
 use self::trail::{Tally, Trail};

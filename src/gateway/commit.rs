@@ -8,9 +8,9 @@ use embassy_sync::mutex::{MutexGuard, TryLockError};
 use embassy_time::{Duration, Instant, with_deadline};
 use thiserror::Error;
 
-use super::audit::Actor;
+use super::audit::{Actor, Way};
 use super::candidate::{Candidate, Stage};
-use super::cut_off::{CutOff, Way, cut_off};
+use super::cut_off::{CutOff, cut_off};
 use super::reconfigure::Unchanged;
 use super::{ApplyError, Gateway, reconfigure, saved};
 use crate::hal::{Store, StoreError};

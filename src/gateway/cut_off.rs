@@ -2,7 +2,7 @@
 
 use core::net::IpAddr;
 
-use super::audit::Actor;
+use super::audit::{Actor, Way};
 use crate::settings::{
     Allowed, PortId, PortKind, SSH, Settings, StreamFraming, TcpListen, TcpServerSettings, User,
 };
@@ -12,15 +12,6 @@ use crate::settings::{Certificate, Purpose, TlsSettings};
 
 /// Why a change of the settings is refused.
 pub(crate) type CutOff = &'static str;
-
-/// How a session has come in.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Way {
-    /// Its port, if that is one of the settings.
-    pub(crate) port: Option<PortId>,
-    /// By the name of mDNS.
-    pub(crate) by_name: bool,
-}
 
 /// Why `after` would lock out `actor`, who has come in by `way`. The local console is always open, and whoever has not logged in
 /// changes nothing.
@@ -48,10 +39,10 @@ struct Entrance<'s> {
     allowed: &'s Allowed,
     /// Other machines may use it.
     is_open: bool,
-    /// How it is encrypted, if it is, and all certificates. A browser gives a cookie of HTTPS to nothing else.
+    /// How it is encrypted, if it is, and the settings with its certificates. A browser gives a cookie of HTTPS to nothing else.
     // Left out of images without TLS; also below.
     #[cfg(feature = "tls")]
-    tls: Option<(&'s TlsSettings, &'s [Certificate])>,
+    tls: Option<(&'s TlsSettings, &'s Settings)>,
 }
 
 impl<'s> Entrance<'s> {
@@ -59,7 +50,7 @@ impl<'s> Entrance<'s> {
         let kind = &settings.port(port)?.kind;
         // As the field.
         #[cfg(feature = "tls")]
-        let tls = kind.tls().map(|tls| (tls, settings.certificates()));
+        let tls = kind.tls().map(|tls| (tls, settings));
         match kind {
             PortKind::TcpServer(TcpServerSettings { listen, framing, allowed, .. }) => Some(Self {
                 listen: *listen,
@@ -98,9 +89,7 @@ impl<'s> Entrance<'s> {
     #[cfg(feature = "tls")]
     fn is_encrypted_as(&self, old: &Self) -> bool {
         match (self.tls, old.tls) {
-            (Some((new, certificates)), Some((old, known))) => {
-                new == old && used(new, certificates).eq(used(old, known))
-            }
+            (Some((new, after)), Some((old, before))) => new == old && used(new, after).eq(used(old, before)),
             (new, old) => new.is_none() && old.is_none(),
         }
     }
@@ -108,10 +97,10 @@ impl<'s> Entrance<'s> {
 
 /// The certificates that a server with TLS uses: its own one, and those that it trusts, if it names some.
 #[cfg(feature = "tls")]
-fn used<'s>(tls: &'s TlsSettings, all: &'s [Certificate]) -> impl Iterator<Item = &'s Certificate> {
-    let own = all.iter().filter(|one| one.purpose == Purpose::Own);
-    let own = own.filter(|one| tls.certificate.as_ref().is_none_or(|name| *name == one.name)).take(1);
-    own.chain(all.iter().filter(|one| tls.trust.as_ref() == Some(&one.name)))
+fn used<'s>(tls: &'s TlsSettings, settings: &'s Settings) -> impl Iterator<Item = &'s Certificate> {
+    let own = settings.certificates_for(Purpose::Own, tls.certificate.as_deref()).take(1);
+    let trusted = tls.trust.as_deref().into_iter();
+    own.chain(trusted.flat_map(|name| settings.certificates_for(Purpose::Clients, Some(name))))
 }
 
 /// Why `peer` could not connect again as it did through `old`.
@@ -213,7 +202,8 @@ mod tests {
             assert_eq!(told(PEER, false, &[&web("tls")], &[line]), why, "{line}");
             assert_eq!(told(PEER, false, &[&web("cleartext")], &[line]), None, "{line}");
         }
-        let trusts = [&*web("tls certificate two trust ca")];
+        // Names are the same in capitals.
+        let trusts = [&*web("tls certificate TWO trust CA")];
         assert_eq!(told(PEER, false, &trusts, &["certificate ca clients /other.pem"]), TLS);
         assert_eq!(told(PEER, false, &trusts, &["certificate two own /other.pem key /two.key"]), TLS);
         assert_eq!(told(PEER, false, &trusts, &["certificate one own /other.pem key /one.key"]), None);

@@ -3,12 +3,14 @@
 use heapless::Vec;
 
 use crate::scanner::DEVICES_MAX;
+#[cfg(feature = "tls")] // As what uses it.
+use crate::settings::Purpose;
 use crate::settings::{
     Certificate, Certificates, Destination, DeviceSettings, Mdns, NtpServers, OwnNetwork, POINTS_MAX,
     PORTS_MAX, PointSettings, Port, PortId, PortKind, Publishers, ROUTES_MAX, Route, SERVERS_MAX, SLAVES_MAX,
     ServerAddress, ServerSettings, SlaveSettings, Syslog, Syslogs, TcpServerSettings, User, Users,
 };
-#[cfg(any(feature = "files", feature = "web"))] // As what uses them.
+#[cfg(any(feature = "files", feature = "web"))] // Likewise.
 use crate::settings::{MQTT, USERS};
 
 /// Everything that `save` stores and `show config` prints.
@@ -96,6 +98,17 @@ impl Settings {
     /// The certificates of ports with TLS.
     pub fn certificates(&self) -> &[Certificate] {
         &self.certificates
+    }
+
+    /// The certificates for this purpose: those that `name` means, or all of them.
+    #[cfg(feature = "tls")] // There are no others.
+    pub fn certificates_for<'s>(
+        &'s self,
+        purpose: Purpose,
+        name: Option<&'s str>,
+    ) -> impl Iterator<Item = &'s Certificate> {
+        let of_purpose = self.certificates.iter().filter(move |one| one.purpose == purpose);
+        of_purpose.filter(move |one| name.is_none_or(|name| one.name.eq_ignore_ascii_case(name)))
     }
 
     /// The port at `id`.

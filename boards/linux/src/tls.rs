@@ -8,9 +8,7 @@ use std::sync::{Arc, OnceLock};
 
 use mobgate::gateway::Gateway;
 use mobgate::hal::{OpenError, OpenErrorKind};
-use mobgate::settings::{
-    Certificate, ClientRole, Host, PortId, PortKind, Purpose, ServerAddress, Settings, TlsSettings,
-};
+use mobgate::settings::{ClientRole, Host, PortId, PortKind, Purpose, ServerAddress, Settings, TlsSettings};
 use rustls::client::Resumption;
 use rustls::pki_types::ServerName;
 use rustls::server::NoServerSessionStorage;
@@ -112,25 +110,13 @@ fn of<T>(id: PortId, make: impl FnOnce(&Settings, &TlsSettings) -> Result<T, Fau
     })
 }
 
-/// The certificate called `name`, or else the first one for `purpose`.
-fn certificate<'s>(
-    settings: &'s Settings,
-    name: Option<&str>,
-    purpose: Purpose,
-) -> impl Iterator<Item = &'s Certificate> {
-    let name = name.map(str::to_owned);
-    settings.certificates().iter().filter(move |certificate| {
-        certificate.purpose == purpose
-            && name.as_ref().is_none_or(|name| certificate.name.eq_ignore_ascii_case(name))
-    })
-}
-
 fn server(settings: &Settings, kind: &PortKind, tls: &TlsSettings) -> Result<Arc<ServerConfig>, Fault> {
-    let own = certificate(settings, tls.certificate.as_deref(), Purpose::Own).next().ok_or(Fault::Absent)?;
+    let own =
+        settings.certificates_for(Purpose::Own, tls.certificate.as_deref()).next().ok_or(Fault::Absent)?;
     let (chain, key) = files::own(own)?;
     let config = ServerConfig::builder_with_provider(provider()).with_protocol_versions(VERSIONS)?;
     let config = if kind.wants_certificates() {
-        let trusted = certificate(settings, tls.trust.as_deref(), Purpose::Clients);
+        let trusted = settings.certificates_for(Purpose::Clients, tls.trust.as_deref());
         let clients =
             trusted.map(|authority| verify::clients(authority, &provider())).collect::<Result<_, _>>()?;
         config.with_client_cert_verifier(Arc::new(Clients::new(clients, provider())))
@@ -144,7 +130,7 @@ fn server(settings: &Settings, kind: &PortKind, tls: &TlsSettings) -> Result<Arc
 }
 
 fn client(settings: &Settings, tls: &TlsSettings) -> Result<ClientConfig, Fault> {
-    let trusted = certificate(settings, tls.trust.as_deref(), Purpose::Servers);
+    let trusted = settings.certificates_for(Purpose::Servers, tls.trust.as_deref());
     // A pinned certificate counts only for the port that names it: the key of one device must not authenticate another.
     let may_be_own = tls.trust.is_some();
     let servers = trusted
@@ -156,7 +142,7 @@ fn client(settings: &Settings, tls: &TlsSettings) -> Result<ClientConfig, Fault>
     let mut config = match &tls.certificate {
         None => config.with_no_client_auth(),
         Some(name) => {
-            let own = certificate(settings, Some(name), Purpose::Own).next().ok_or(Fault::Absent)?;
+            let own = settings.certificates_for(Purpose::Own, Some(name)).next().ok_or(Fault::Absent)?;
             let (chain, key) = files::own(own)?;
             config.with_client_auth_cert(chain, key)?
         }

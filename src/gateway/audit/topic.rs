@@ -5,7 +5,7 @@ use core::net::IpAddr;
 
 use strum::{IntoStaticStr, VariantArray};
 
-use crate::settings::Address;
+use crate::settings::{Address, PortId};
 
 /// What a line is about.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, VariantArray, IntoStaticStr)]
@@ -74,6 +74,16 @@ impl Topic {
             _ => "events",
         }
     }
+}
+
+/// How a session has come in.
+#[cfg_attr(not(feature = "candidate"), allow(dead_code))] // What asks is left out.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Way {
+    /// Its port, if that is one of the settings.
+    pub(crate) port: Option<PortId>,
+    /// By the name of mDNS.
+    pub(crate) by_name: bool,
 }
 
 /// Who is behind a line.

@@ -29,7 +29,7 @@ use mobgate_linux::demo::{self, Lines};
 use mobgate_linux::reactor::block_on;
 use mobgate_linux::signals::{Signal as Caught, Signals};
 use mobgate_linux::start;
-use mobgate_linux::stdio::RawMode;
+use mobgate_linux::stdio::TerminalMode;
 use mobgate_linux::store::FileStore;
 use mobgate_linux::syslog::SyslogSockets;
 use mobgate_linux::tcp::{Connector, TcpSockets};
@@ -301,7 +301,7 @@ fn run(options: Options) -> Result<End, String> {
     ssh::start(&GATEWAY, options.config.clone(), start.settings.ports.iter().flatten().any(is_ssh));
     start.settings.warnings().for_each(|warning| log::warn!("{warning}"));
 
-    let _raw_until_the_end = RawMode::enter();
+    let _raw_until_the_end = TerminalMode::raw();
     let listen = console.as_ref().map(|(listen, _)| *listen);
     let spawn = |spawner| spawn(spawner, options, store, sockets, caught, (socket, listen));
     Ok(executor::run(spawn, async {

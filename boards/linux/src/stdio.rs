@@ -1,7 +1,7 @@
 //! The console on standard input and output.
 //!
 //! Threads read and write: epoll does not support files, and a non-blocking terminal would be so for all processes that have it
-//! open, the shell included. At a terminal the console edits and echoes by itself, so the terminal is in raw mode until [`RawMode`]
+//! open, the shell included. At a terminal the console edits and echoes by itself, so the terminal is in raw mode until [`TerminalMode`]
 //! is dropped.
 
 use std::io::{self, stdin};
@@ -94,14 +94,14 @@ pub(crate) fn hand_on(mut from: impl io::Read, mut to: impl io::Write, terminal:
 
 /// Keeps the terminal in another mode; restores the old one on drop, even during a panic.
 #[derive(Debug)]
-pub struct RawMode(Termios);
+pub struct TerminalMode(Termios);
 
-impl RawMode {
+impl TerminalMode {
     /// Puts standard input into raw mode, if it is a terminal in whose foreground this program runs.
     ///
     /// Ctrl-C becomes a key of the console. Ctrl-Z is disabled, because it would leave the shell with a raw terminal. Ctrl-\ stays
     /// a signal, in case the program hangs. Output keeps its line-end translation for log lines.
-    pub fn enter() -> Option<Self> {
+    pub fn raw() -> Option<Self> {
         Self::change(|raw| {
             raw.local_modes -= LocalModes::ICANON | LocalModes::ECHO | LocalModes::IEXTEN;
             raw.input_modes -= InputModes::ICRNL | InputModes::INLCR | InputModes::IXON;
@@ -113,7 +113,7 @@ impl RawMode {
     }
 
     /// Hides what is typed, under the same condition. Lines and signals stay as they are.
-    pub fn hide() -> Option<Self> {
+    pub fn hidden() -> Option<Self> {
         Self::change(|hidden| hidden.local_modes -= LocalModes::ECHO)
     }
 
@@ -129,7 +129,7 @@ impl RawMode {
     }
 }
 
-impl Drop for RawMode {
+impl Drop for TerminalMode {
     fn drop(&mut self) {
         let _ = tcsetattr(stdin(), OptionalActions::Now, &self.0);
     }

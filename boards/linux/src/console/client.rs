@@ -18,7 +18,7 @@ use signal_hook::low_level::emulate_default_handler;
 use super::hello::{Hello, carried_out};
 use super::socket;
 use crate::cli::Join;
-use crate::stdio::{RawMode, hand_on};
+use crate::stdio::{TerminalMode, hand_on};
 
 /// Exit code: a line was refused.
 const REFUSED: u8 = 1;
@@ -51,7 +51,7 @@ fn converse(join: &Join) -> Result<Option<bool>, String> {
     let stream = socket::connect(join.socket.as_deref())?;
     let terminal = stdin().is_terminal() && stdout().is_terminal();
     let _raw_until_the_end =
-        if terminal { Some(Terminal::enter(RawMode::enter).map_err(fault)?) } else { None };
+        if terminal { Some(Terminal::enter(TerminalMode::raw).map_err(fault)?) } else { None };
     greet(&stream, if terminal { Hello::Terminal } else { Hello::Lines });
     let to = stream.try_clone().map_err(fault)?;
     // A separate thread, because the gateway may stop reading until its responses are read.
@@ -85,11 +85,11 @@ fn greet(mut stream: &UnixStream, hello: Hello) {
 }
 
 /// The terminal's mode, which ends on drop, or before a signal ends the program.
-pub(super) struct Terminal(Arc<Mutex<Option<RawMode>>>);
+pub(super) struct Terminal(Arc<Mutex<Option<TerminalMode>>>);
 
 impl Terminal {
     /// Changes the mode by `enter`.
-    pub(super) fn enter(enter: fn() -> Option<RawMode>) -> io::Result<Self> {
+    pub(super) fn enter(enter: fn() -> Option<TerminalMode>) -> io::Result<Self> {
         let mut signals = Signals::new([SIGHUP, SIGINT, SIGQUIT, SIGTERM])?;
         let changed = Self(Arc::new(Mutex::new(enter())));
         let shared = Self(changed.0.clone());

@@ -12,7 +12,7 @@ use super::client::{Terminal, carry_out, exit_code};
 use crate::cli::NewUser;
 use crate::passwords;
 use crate::reactor::block_on;
-use crate::stdio::RawMode;
+use crate::stdio::TerminalMode;
 
 /// Adds the user, and saves the settings.
 pub fn add(user: &NewUser) -> ExitCode {
@@ -51,7 +51,7 @@ fn password(user: &NewUser) -> Result<String, String> {
     if !stdin().is_terminal() {
         return line();
     }
-    let hidden = Terminal::enter(RawMode::hide).map_err(|error| error.to_string())?;
+    let hidden = Terminal::enter(TerminalMode::hidden).map_err(|error| error.to_string())?;
     if !hidden.has_changed() {
         return Err("this terminal would show the password: pass it on standard input".into());
     }
